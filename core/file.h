@@ -1,0 +1,41 @@
+// Whole small files, read with limits and written so that nothing is ever half there.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace lightstage::core {
+
+// The file's bytes. Throws BadInput naming the file when it is missing, not a regular file, or larger than `max_bytes`.
+std::string read_text_file(const std::filesystem::path& path, std::size_t max_bytes = std::size_t(64) << 20);
+
+// Writes to a temporary file beside the target, syncs, renames over the target and syncs the folder. Throws BadInput when the folder is
+// missing or the disk is full; the target is then as it was.
+void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
+
+// Calls `write(temporary_path)` and then moves the result into place as above; the temporary file has the target's extension.
+// Removes it when `write` throws.
+template <class Write>
+void replace_file_atomically(const std::filesystem::path& path, Write&& write);
+
+namespace file_detail {
+std::filesystem::path temporary_beside(const std::filesystem::path& path);
+void commit(const std::filesystem::path& temporary, const std::filesystem::path& path);
+void discard(const std::filesystem::path& temporary) noexcept;
+}  // namespace file_detail
+
+template <class Write>
+void replace_file_atomically(const std::filesystem::path& path, Write&& write) {
+  const std::filesystem::path temporary = file_detail::temporary_beside(path);
+  try {
+    write(temporary);
+    file_detail::commit(temporary, path);
+  } catch (...) {
+    file_detail::discard(temporary);
+    throw;
+  }
+}
+
+}  // namespace lightstage::core

@@ -1,0 +1,45 @@
+// Image files through OpenImageIO: PNG, JPEG, TIFF, PGM/PPM, OpenEXR, Radiance HDR.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <optional>
+
+#include "core/image.h"
+
+namespace lightstage::core {
+
+// How stored numbers relate to light. kAuto: float files (EXR, HDR, float TIFF) are linear, integer files sRGB-encoded.
+enum class Encoding { kAuto, kLinear, kSrgb };
+
+struct ReadOptions {
+  Encoding encoding = Encoding::kAuto;
+  // Files whose header claims more are refused before anything is allocated.
+  std::size_t max_values = std::size_t(1) << 30;
+};
+
+// Reads 1- to 4-channel images into linear float32 (integers scaled to [0, 1]). Throws BadInput naming the file when it is
+// missing, truncated, damaged, of too many channels or too large, or holds NaN or infinity (with pixel and value).
+Image read_image(const std::filesystem::path& path, const ReadOptions& options = {});
+
+// Size from the header alone. Throws as read_image.
+ImageSize read_image_size(const std::filesystem::path& path);
+
+enum class PixelType { kUint8, kUint16, kHalf, kFloat };
+
+struct WriteOptions {
+  // By default: half for EXR, float for HDR and TIFF, 8 bits otherwise.
+  std::optional<PixelType> pixel_type;
+  // What the file holds. kAuto as for reading: linear for EXR, HDR and TIFF of float pixels, sRGB otherwise. Values are
+  // clamped to [0, 1] for integer files and to +-65504 for half.
+  Encoding encoding = Encoding::kAuto;
+};
+
+// Writes so that a reader sees the old file or the whole new one (temporary file, fsync, rename). Metadata is fresh.
+// Throws BadInput when the folder does not exist, the extension is not known or the disk is full.
+void write_image(const std::filesystem::path& path, ImageView image, const WriteOptions& options = {});
+
+// Checks that every value is finite; throws BadInput naming `what`, the pixel (x, y, channel) and the value.
+void require_finite(ImageView image, const std::string& what);
+
+}  // namespace lightstage::core

@@ -1,0 +1,56 @@
+// An OLAT scan as the model and relight rooms see it: lights, images loaded when asked for, and the subject's mask.
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "core/light_list.h"
+
+namespace lightstage::core {
+
+// Images are linear radiance per unit light (each light's gain divided out), all of one size, in one pose.
+// A copy is cheap and shares the image cache. All functions may be called from several threads.
+class OlatScan {
+ public:
+  // Reads the image of one light; called at most once for an image that stays cached. May throw.
+  using Loader = std::function<Image(std::size_t light_index)>;
+
+  // `mask` has one channel, the size of the images, 1 inside the subject and 0 outside; an empty one means all inside.
+  // At most `cache_bytes` of images stay in memory (least recently used go first).
+  // Throws BadInput for no lights or a mask of another size.
+  OlatScan(std::string name, std::vector<Light> lights, ImageSize image_size, Image mask, Loader loader,
+           std::size_t cache_bytes = std::size_t(4) << 30);
+
+  const std::string& name() const;
+  std::size_t light_count() const;
+  const Light& light(std::size_t light_index) const;
+  const std::vector<Direction>& directions() const;
+  ImageSize image_size() const;
+
+  // The image under one light. Throws what the loader throws, and BadInput when the size is not image_size().
+  std::shared_ptr<const Image> image(std::size_t light_index) const;
+
+  // One channel, image_size() high and wide.
+  const Image& mask() const;
+  std::size_t masked_pixel_count() const;
+
+  // The 99.5th percentile of all masked values of all images: the value shown as 1 when errors are judged. Never 0:
+  // an all-black scan has exposure 1. Computed once, on first use (reads every image).
+  double exposure() const;
+
+  // This scan with only the given lights, in that order, sharing images, mask and exposure (leave-one-out, subsampling).
+  OlatScan with_lights(std::span<const std::size_t> light_indices) const;
+
+ private:
+  struct Shared;
+  std::shared_ptr<Shared> shared_;
+  std::vector<std::size_t> source_index_;  // light here -> light in shared_
+  std::vector<Direction> directions_;
+};
+
+}  // namespace lightstage::core

@@ -1,0 +1,35 @@
+// What tests of all rooms share.
+#pragma once
+
+#include <filesystem>
+#include <iostream>
+#include <string>
+
+// Ends the test case and has CTest count it as skipped, with the reason in the log.
+#define SKIP_TEST(reason)                          \
+  do {                                             \
+    std::cout << "SKIPPED: " << (reason) << "\n"; \
+    return;                                        \
+  } while (false)
+
+namespace lightstage::test {
+
+// A fresh folder that is removed with everything in it at the end of the scope.
+class TemporaryFolder {
+ public:
+  TemporaryFolder();
+  ~TemporaryFolder();
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::filesystem::path& path() const { return path_; }
+  std::filesystem::path operator/(const std::string& name) const { return path_ / name; }
+
+ private:
+  std::filesystem::path path_;
+};
+
+// The folder of real photographs ($LIGHTSTAGE_TEST_DATA, by default ../shared/data beside the source tree), or an empty
+// path when `below` does not exist in it: then skip the test.
+std::filesystem::path real_data(const std::string& below);
+
+}  // namespace lightstage::test
