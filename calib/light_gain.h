@@ -1,0 +1,28 @@
+// Light intensity and colour from a grey ball.
+#pragma once
+
+#include <array>
+#include <string>
+
+#include "calib/sphere_fit.h"
+#include "core/camera_model.h"
+#include "core/image.h"
+#include "core/vec3.h"
+
+namespace lightstage::calib {
+
+struct GainEstimate {
+  bool measured = false;
+  std::array<double, 3> gain{1, 1, 1};   // irradiance at stage centre in units of pi (core::Light::gain)
+  double relative_sigma = 0;             // standard error of the gain over the gain
+  std::string reason;                    // why it was not measured
+};
+
+// `picture` shows a Lambertian ball of known albedo lit by one light at `light_position` (stage frame), linear, free of ambient
+// light; `saturation` as in CameraFrame (clipped pixels are left out). Fits radiance = albedo gain max(cos, 0) (R/d)^2 over the lit and seen
+// pixels (R: the light's distance from stage centre, d from the surface point) by weighted least squares, channel by channel.
+// Grey pictures give one gain for all channels. Not measured when too few pixels are both lit and seen.
+GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball, double albedo,
+                           core::Vec3 light_position, double saturation = 0);
+
+}  // namespace lightstage::calib
