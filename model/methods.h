@@ -1,0 +1,40 @@
+// Methods by name.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "model/interpolator.h"
+
+namespace lightstage::model {
+
+// The values in which images are summed: linear light (as physics does) or display-encoded ones (closer to what eyes and the
+// published metrics judge, since an error in the dark counts for more).
+enum class Domain { kLinear, kDisplay };
+
+struct MethodInfo {
+  std::string name;
+  std::string summary;   // one line: what it does and what it is for
+  std::string citation;  // "Sun et al. 2020, Light Stage Super-Resolution"
+};
+
+// nearest, linear, rbf, superres; in this order.
+const std::vector<MethodInfo>& methods();
+
+struct MethodOptions {
+  Domain domain = Domain::kDisplay;   // of linear and rbf; nearest is the same in both, superres works display-encoded
+  int neighbours = 8;                 // k of linear; superres takes its own from the checkpoint unless the scan has fewer lights
+  std::optional<double> sharpness;    // s of linear; default_sharpness of the scan's spacing otherwise
+  std::filesystem::path model_file;   // checkpoint for superres
+};
+
+// Throws UsageError for a name that does not exist (with the nearest one) or a superres without model file, BadInput for
+// a checkpoint that cannot be used.
+std::unique_ptr<LightInterpolator> make_interpolator(std::string_view method, const core::OlatScan& scan,
+                                                     const MethodOptions& options = {});
+
+}  // namespace lightstage::model
