@@ -1,0 +1,74 @@
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/commands.h"
+#include "cli/format.h"
+#include "cli/jobs/calibrate.h"
+#include "core/light_list.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+struct Options {
+  CalibrateOptions job;
+  double ball_radius_mm = 60, grey_radius_mm = 60;
+  std::string grey;
+  std::filesystem::path lp;
+};
+
+void run_calibrate(Options options, Context& context) {
+  options.job.mirror_radius_m = options.ball_radius_mm / 1000;
+  options.job.grey_radius_m = options.grey_radius_mm / 1000;
+  if (!options.grey.empty()) options.job.grey_ball = options.grey;
+  db::Store store = context.open_store();
+  const CalibrateReport report = calibrate(store, options.job);
+
+  nlohmann::ordered_json unplaced = nlohmann::ordered_json::array();
+  std::vector<core::LpEntry> entries;
+  std::string text = "placed " + std::to_string(report.placed) + " of " + std::to_string(report.lights.size()) +
+                     " lights; median standard error " + fixed(report.median_sigma_degrees, 3) + " degrees\n";
+  for (const db::CalibratedLight& light : report.lights) {
+    if (light.placed) {
+      entries.push_back({"light_" + std::to_string(light.light_index), light.light.direction});
+    } else {
+      text += "  light " + std::to_string(light.light_index) + " not placed: " + light.reason + "\n";
+      unplaced.push_back({{"light", light.light_index}, {"reason", light.reason}});
+    }
+  }
+  if (!report.gains_measured) text += "no grey-ball pass (--grey): all lights are taken as equally strong\n";
+  if (!options.lp.empty()) {
+    core::write_lp(options.lp, entries);
+    text += "wrote " + options.lp.string() + "\n";
+  }
+  context.result(text, {{"lights", report.lights.size()},
+                        {"placed", report.placed},
+                        {"median_sigma_deg", report.median_sigma_degrees},
+                        {"gains_measured", report.gains_measured},
+                        {"not_placed", unplaced}});
+}
+
+}  // namespace
+
+void add_calibrate(CLI::App& program, Context& context) {
+  CLI::App* command = program.add_subcommand("calibrate", "Light directions and gains of a stage, from ball passes");
+  command->footer("Example:\n  lightstage calibrate ball --grey grey --lp calibrated.lp");
+  auto options = std::make_shared<Options>();
+  command->add_option("SCAN", options->job.mirror_balls, "Mirror-ball passes, one or more")->required();
+  command->add_option("--grey", options->grey, "Grey-ball pass, for the lights' brightness and colour");
+  command->add_option("--ball-radius", options->ball_radius_mm, "Radius of the mirror ball, millimetres")
+      ->capture_default_str()
+      ->check(CLI::Range(5.0, 500.0));
+  command->add_option("--grey-radius", options->grey_radius_mm, "Radius of the grey ball, millimetres")
+      ->capture_default_str()
+      ->check(CLI::Range(5.0, 500.0));
+  command->add_option("--albedo", options->job.grey_albedo, "Albedo of the grey ball")
+      ->capture_default_str()
+      ->check(CLI::Range(0.01, 1.0));
+  command->add_option("--name", options->job.name, "Name of the calibration");
+  command->add_option("--lp", options->lp, "Also write the directions as an RTI .lp file");
+  command->callback([options, &context] { run_calibrate(*options, context); });
+}
+
+}  // namespace lightstage::cli

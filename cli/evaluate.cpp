@@ -1,0 +1,242 @@
+#include <sstream>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/commands.h"
+#include "cli/format.h"
+#include "cli/jobs/method_options.h"
+#include "cli/jobs/scans.h"
+#include "cli/jobs/truth.h"
+#include "cli/report/contact_sheet.h"
+#include "core/error.h"
+#include "core/image_file.h"
+#include "core/progress.h"
+#include "model/checkpoint.h"
+#include "model/evaluation.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Options {
+  std::string name;
+  bool held_out = false, off_grid = false, accuracy = false;
+  int every = 1;
+  std::size_t directions = 60;
+  std::uint64_t seed = 1;
+  bool linear = false;
+  std::filesystem::path sheet;
+  MethodChoice method;
+};
+
+std::vector<std::string> split_names(const std::string& text) {
+  std::vector<std::string> names;
+  std::stringstream stream(text);
+  for (std::string name; std::getline(stream, name, ',');) {
+    if (!name.empty()) names.push_back(name);
+  }
+  return names;
+}
+
+// The methods asked for by name; without --method all that can run.
+std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store& store, db::Id scan_id) {
+  std::vector<std::string> names = split_names(options.method.method);
+  if (names.empty()) {
+    const bool trained = find_model(store, options.method.model, scan_id).has_value();
+    for (const model::MethodInfo& method : model::methods()) {
+      if (method.name != "superres" || trained) names.push_back(method.name);
+    }
+  }
+  std::vector<MethodChoice> choices;
+  for (const std::string& name : names) {
+    MethodChoice choice = options.method;
+    choice.method = name;
+    choices.push_back(resolve(choice, store, scan_id));
+  }
+  return choices;
+}
+
+std::vector<model::InterpolatorFactory> factories(const std::vector<MethodChoice>& choices) {
+  std::vector<model::InterpolatorFactory> made;
+  for (const MethodChoice& choice : choices) {
+    made.push_back([&choice](const core::OlatScan& scan) {
+      return model::make_interpolator(choice.method, scan, choice.options);
+    });
+  }
+  return made;
+}
+
+// A network that has seen the very lights it is asked to predict would be flattered.
+void warn_if_seen_in_training(const Options& options, const std::vector<MethodChoice>& choices) {
+  for (const MethodChoice& choice : choices) {
+    if (choice.method != "superres") continue;
+    const auto provenance =
+        ordered_json::parse(model::read_checkpoint_info(choice.options.model_file).provenance, nullptr, false);
+    const int held_out_every = provenance.is_object() ? provenance.value("held_out_every", 0) : 0;
+    if (held_out_every == 0 || options.every % held_out_every != 0) {
+      core::warn("superres may have been trained on the lights held out here: its errors are flattered; train with "
+                 "--hold-out-every " + std::to_string(options.every));
+    }
+  }
+}
+
+ordered_json to_json(const std::vector<model::MethodScore>& scores) {
+  ordered_json array = ordered_json::array();
+  for (const model::MethodScore& score : scores) {
+    array.push_back({{"name", score.name},
+                     {"images", score.images},
+                     {"rmse", score.rmse},
+                     {"h1", score.h1},
+                     {"dssim", score.dssim},
+                     {"seconds_per_image", score.seconds_per_image}});
+  }
+  return array;
+}
+
+std::string to_text(const std::vector<model::MethodScore>& scores) {
+  std::vector<std::vector<std::string>> rows{{"method", "images", "RMSE", "H1", "DSSIM", "s/image"}};
+  const model::MethodScore* best = nullptr;
+  for (const model::MethodScore& score : scores) {
+    rows.push_back({score.name, std::to_string(score.images), fixed(score.rmse, 4), fixed(score.h1, 4),
+                    fixed(score.dssim, 4), fixed(score.seconds_per_image, 4)});
+    if (best == nullptr || score.rmse < best->rmse) best = &score;
+  }
+  std::string text = table(rows);
+  if (scores.size() > 1) text += "lowest RMSE: " + best->name + "\n";
+  return text;
+}
+
+// Truth, methods and differences for a few directions spread over the list.
+void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan, const std::vector<MethodChoice>& choices,
+                 std::span<const core::Direction> directions, std::span<const core::Image> truth, bool linear) {
+  constexpr std::size_t kRows = 4;
+  constexpr double kDifferenceGain = 4;
+  std::vector<std::unique_ptr<model::LightInterpolator>> interpolators;
+  for (const MethodChoice& choice : choices) {
+    interpolators.push_back(model::make_interpolator(choice.method, scan, choice.options));
+  }
+  std::vector<std::vector<SheetCell>> rows;
+  const std::size_t count = std::min(kRows, directions.size());
+  for (std::size_t r = 0; r < count; ++r) {
+    const std::size_t i = r * directions.size() / count;
+    const core::Image shown_truth = core::to_rgb(model::judged(truth[i], scan.exposure(), linear));
+    std::vector<SheetCell> row{{shown_truth, "truth " + fixed(directions[i].longitude_degrees(), 0) + ", " +
+                                                 fixed(directions[i].latitude_degrees(), 0) + " deg"}};
+    std::vector<SheetCell> differences;
+    for (const auto& interpolator : interpolators) {
+      const core::Image shown = core::to_rgb(model::judged(interpolator->render(directions[i]), scan.exposure(), linear));
+      differences.push_back({difference_picture(shown, shown_truth, kDifferenceGain),
+                             std::string(interpolator->name()) + " error x" + fixed(kDifferenceGain, 0)});
+      row.push_back({shown, std::string(interpolator->name())});
+    }
+    row.insert(row.end(), differences.begin(), differences.end());
+    rows.push_back(std::move(row));
+  }
+  core::write_image(path, contact_sheet(rows), {.encoding = core::Encoding::kLinear});
+}
+
+void report_scores(const Options& options, const Context& context, const char* protocol,
+                   const std::vector<model::MethodScore>& scores) {
+  context.result("'" + options.name + "', " + protocol + ", " + (options.linear ? "linear" : "display-encoded") +
+                     " values over the mask\n" + to_text(scores),
+                 {{"scan", options.name}, {"protocol", protocol}, {"methods", to_json(scores)}});
+}
+
+void evaluate_off_grid(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
+  const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
+  const std::vector<core::Direction> directions =
+      model::off_grid_directions(loaded.scan.directions(), options.directions, options.seed);
+  core::note("rendering the truth for " + std::to_string(directions.size()) + " directions");
+  const std::vector<core::Image> truth = SimulatedTruth(store, options.name, {}).render(directions);
+  const auto scores =
+      model::evaluate_against_truth(loaded.scan, factories(choices), directions, [&](std::size_t i) { return truth[i]; },
+                                    {.linear_values = options.linear});
+  if (!options.sheet.empty()) write_sheet(options.sheet, loaded.scan, choices, directions, truth, options.linear);
+  report_scores(options, context, "off-grid", scores);
+}
+
+void evaluate_held_out(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
+  if (!options.sheet.empty()) throw core::UsageError("--sheet goes with --off-grid");
+  const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
+  warn_if_seen_in_training(options, choices);
+  report_scores(options, context, "held-out",
+                model::evaluate_held_out(loaded.scan, factories(choices), options.every, {.linear_values = options.linear}));
+}
+
+void evaluate_accuracy(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
+  const SimulatedTruth truth(store, options.name, {});
+  const auto calibration = truth.calibration_error(loaded);
+  const auto alignment = truth.alignment_error(store);
+  context.result(
+      "'" + options.name + "' against the simulator's truth\n" +
+          table({{"light directions", fixed(calibration.median_degrees, 3) + " deg median",
+                  fixed(calibration.p95_degrees, 3) + " deg 95 %", fixed(calibration.largest_degrees, 3) + " deg at most"},
+                 {"light gains", fixed(100 * calibration.median_gain_error, 2) + " % median"},
+                 {"alignment", fixed(alignment.median_epe_px, 3) + " px median", fixed(alignment.p95_epe_px, 3) + " px 95 %"},
+                 {"PSNR", fixed(alignment.psnr_unaligned_db, 2) + " dB unaligned",
+                  fixed(alignment.psnr_aligned_db, 2) + " dB aligned"}}),
+      {{"scan", options.name},
+       {"calibration",
+        {{"lights", calibration.lights},
+         {"median_deg", calibration.median_degrees},
+         {"p95_deg", calibration.p95_degrees},
+         {"largest_deg", calibration.largest_degrees},
+         {"median_gain_error", calibration.median_gain_error}}},
+       {"alignment",
+        {{"frames", alignment.frames},
+         {"median_epe_px", alignment.median_epe_px},
+         {"p95_epe_px", alignment.p95_epe_px},
+         {"psnr_unaligned_db", alignment.psnr_unaligned_db},
+         {"psnr_aligned_db", alignment.psnr_aligned_db}}}});
+}
+
+void run_evaluate(const Options& options, Context& context) {
+  if (int(options.held_out) + int(options.off_grid) + int(options.accuracy) != 1) {
+    throw core::UsageError("give one of --held-out, --off-grid and --accuracy");
+  }
+  const db::Store store = context.open_store();
+  const db::LoadedScan loaded = load_scan(store, options.name);
+  if (options.off_grid) {
+    evaluate_off_grid(options, store, loaded, context);
+  } else if (options.held_out) {
+    evaluate_held_out(options, store, loaded, context);
+  } else {
+    evaluate_accuracy(options, store, loaded, context);
+  }
+}
+
+}  // namespace
+
+void add_evaluate(CLI::App& program, Context& context) {
+  CLI::App* command = program.add_subcommand("evaluate", "Measure and rank methods on a scan");
+  command->footer(
+      "Examples:\n"
+      "  lightstage evaluate head --off-grid --directions 60 --method superres,rbf,linear\n"
+      "  lightstage evaluate lion --held-out --every 4\n"
+      "  lightstage evaluate head --accuracy       (calibration and alignment; simulated scans)");
+  auto options = std::make_shared<Options>();
+  command->add_option("SCAN", options->name, "The scan")->required();
+  command->add_flag("--held-out", options->held_out, "Leave each light out in turn and predict it from the others");
+  command->add_flag("--off-grid", options->off_grid,
+                    "Predict directions where no light stands, against the simulator's truth (simulated scans)");
+  command->add_flag("--accuracy", options->accuracy,
+                    "Errors of calibration and alignment against the simulator's truth (simulated scans)");
+  command->add_option("--every", options->every, "Held out: only every n-th light")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--directions", options->directions, "Off grid: number of random directions")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 100000));
+  command->add_option("--seed", options->seed, "Off grid: seed of the directions")->capture_default_str();
+  command->add_flag("--linear", options->linear, "Judge linear values instead of display-encoded ones");
+  command->add_option("--sheet", options->sheet, "Off grid: write a contact sheet of truth, methods and differences (.png)");
+  add_method_options(*command, options->method);
+  command->get_option("--method")->description(
+      "Methods, separated by commas: nearest, linear, rbf, superres [all; superres if the scan has a model]");
+  command->callback([options, &context] { run_evaluate(*options, context); });
+}
+
+}  // namespace lightstage::cli

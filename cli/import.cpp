@@ -1,0 +1,82 @@
+#include <map>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/commands.h"
+#include "db/importers.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+using Reader = db::PictureSet (*)(const std::filesystem::path&);
+
+struct Format {
+  const char* name;
+  const char* help;
+  const char* path_help;
+  Reader read;
+};
+
+constexpr Format kFormats[] = {
+    {"lp", "RTI: an .lp file of pictures and light directions", "The .lp file", db::read_lp_set},
+    {"diligent", "A folder with filenames.txt, light_directions.txt, light_intensities.txt, mask.png", "The folder",
+     db::read_diligent_set},
+    {"yale", "A folder of the Extended Yale Face Database B", "The folder", db::read_yale_set},
+    {"csv", "A CSV file with columns file and x,y,z or longitude,latitude; optional r,g,b or intensity",
+     "The CSV file, or a folder with one lights.csv", db::read_csv_set},
+};
+
+struct Options {
+  std::filesystem::path path;
+  std::string name;
+  std::optional<core::Encoding> encoding;
+};
+
+void run_import(const Format& format, const Options& options, Context& context) {
+  const db::PictureSet set = format.read(options.path);
+  db::Store store = context.open_store();
+  const db::ImportReport report = db::import_pictures(store, set, options.name, options.encoding);
+  std::string text = "imported " + std::to_string(report.pictures) + " pictures of " +
+                     std::to_string(report.size.width) + " x " + std::to_string(report.size.height) + " pixels as '" +
+                     options.name + "'\n";
+  nlohmann::ordered_json excluded = nlohmann::ordered_json::array();
+  for (const db::CalibratedLight& light : report.excluded) {
+    const std::string file = set.pictures.at(std::size_t(light.light_index)).path.filename().string();
+    text += "  " + file + " is left out: " + light.reason + "\n";
+    excluded.push_back({{"light", light.light_index}, {"file", file}, {"reason", light.reason}});
+  }
+  context.result(text, {{"scan", options.name},
+                        {"pictures", report.pictures},
+                        {"width", report.size.width},
+                        {"height", report.size.height},
+                        {"channels", report.size.channels},
+                        {"excluded", excluded}});
+}
+
+}  // namespace
+
+void add_import(CLI::App& program, Context& context) {
+  CLI::App* command = program.add_subcommand("import", "Make a scan of your own photographs");
+  command->footer(
+      "Examples:\n"
+      "  lightstage import lp dome/dirs.lp --name lion\n"
+      "  lightstage import diligent bearPNG --name bear");
+  command->require_subcommand(1);
+  const std::map<std::string, core::Encoding> encodings{{"linear", core::Encoding::kLinear},
+                                                        {"srgb", core::Encoding::kSrgb}};
+  for (const Format& format : kFormats) {
+    CLI::App* reader = command->add_subcommand(format.name, format.help);
+    reader->fallthrough();
+    auto options = std::make_shared<Options>();
+    reader->add_option("PATH", options->path, format.path_help)->required();
+    reader->add_option("--name", options->name, "Name of the new scan")->required();
+    reader->add_option("--encoding", options->encoding,
+                       "linear or srgb: what the files' numbers are [what is usual for the format]")
+        ->transform(CLI::CheckedTransformer(encodings));
+    reader->callback([&format, options, &context] { run_import(format, *options, context); });
+  }
+}
+
+}  // namespace lightstage::cli

@@ -1,0 +1,29 @@
+// What a captured scan's `provenance` holds: enough to resume it, to know its cameras, and for simulated ones to render truth.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "capture/sequence.h"
+#include "capture/stage.h"
+#include "db/store.h"
+#include "sim/simulation.h"
+
+namespace lightstage::cli {
+
+struct CaptureProvenance {
+  capture::Stage stage;        // with the cameras as used (their real picture size)
+  capture::Sequence sequence;
+  std::optional<sim::Simulation> simulation;  // its stage is `stage`
+};
+
+std::string to_json(const CaptureProvenance& provenance);
+
+// Throws UsageError when the scan was not captured (imported, virtual).
+CaptureProvenance capture_provenance(const db::Scan& scan);
+bool is_captured(const db::Scan& scan);
+
+// The camera of that name; the first one for an empty name. UsageError when the stage has none of that name.
+const capture::StageCamera& camera_of(const capture::Stage& stage, const std::string& name);
+
+}  // namespace lightstage::cli

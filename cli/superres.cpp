@@ -1,0 +1,68 @@
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/commands.h"
+#include "cli/format.h"
+#include "cli/jobs/method_options.h"
+#include "cli/jobs/scans.h"
+#include "cli/jobs/superres.h"
+#include "core/version.h"
+#include "db/content_hash.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+struct Options {
+  std::string name, out;
+  std::size_t lights = 1024;
+  MethodChoice method;
+};
+
+void run_superres(const Options& options, Context& context) {
+  db::Store store = context.open_store();
+  const db::Scan scan = store.scan(options.name);
+  const MethodChoice choice = resolve(options.method, store, scan.id);
+  const db::LoadedScan source = load_scan(store, options.name);
+  const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
+
+  nlohmann::ordered_json parameters{{"source", options.name},
+                                    {"method", choice.method},
+                                    {"lights", options.lights},
+                                    {"neighbours", choice.options.neighbours},
+                                    {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
+                                    {"program_version", core::kVersion}};
+  if (choice.options.sharpness) parameters["sharpness"] = *choice.options.sharpness;
+  if (choice.method == "superres") parameters["model_hash"] = db::hash_file(choice.options.model_file).hex();
+  if (source.calibration_id) parameters["calibration"] = *source.calibration_id;
+  if (source.alignment_id) parameters["alignment"] = *source.alignment_id;
+
+  const std::vector<core::Direction> directions = virtual_directions(source.scan.directions(), options.lights);
+  const SuperresReport report =
+      superres(store, source, scan, *interpolator, parameters.dump(), directions, options.out);
+  context.result("made '" + options.out + "': " + std::to_string(report.lights) + " lights by " + choice.method + ", " +
+                     fixed(report.seconds_per_image, 3) + " s an image\n",
+                 {{"scan", options.out},
+                  {"source", options.name},
+                  {"method", choice.method},
+                  {"lights", report.lights},
+                  {"already_stored", report.already_stored},
+                  {"seconds_per_image", report.seconds_per_image}});
+}
+
+}  // namespace
+
+void add_superres(CLI::App& program, Context& context) {
+  CLI::App* command = program.add_subcommand("superres", "Make a scan with more lights than the stage has");
+  command->footer("Example:\n  lightstage superres head --lights 1024 --method superres --model head.safetensors --out head-dense");
+  auto options = std::make_shared<Options>();
+  command->add_option("SCAN", options->name, "The captured or imported scan")->required();
+  command->add_option("--out", options->out, "Name of the new scan")->required();
+  command->add_option("--lights", options->lights, "Lights of the new scan")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000000));
+  add_method_options(*command, options->method);
+  command->callback([options, &context] { run_superres(*options, context); });
+}
+
+}  // namespace lightstage::cli
