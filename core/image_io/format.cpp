@@ -16,7 +16,7 @@ const std::vector<Format>& formats() {
       {"png", {".png"}, {kUint8, kUint16}, {1, 2, 3, 4}},
       {"jpeg", {".jpg", ".jpeg"}, {kUint8}, {1, 3}},
       {"tiff", {".tif", ".tiff"}, {kFloat, kUint8, kUint16, kHalf}, {1, 2, 3, 4}},
-      {"pnm", {".pgm", ".ppm"}, {kUint8, kUint16}, {1, 3}},
+      {"pnm", {".pgm", ".ppm"}, {kUint8}, {1, 3}},
       {"openexr", {".exr"}, {kHalf, kFloat}, {1, 2, 3, 4}},
       {"hdr", {".hdr"}, {kFloat}, {3}},
   };

@@ -1,7 +1,9 @@
 #include <OpenImageIO/imageio.h>
 
+#include <algorithm>
 #include <bit>
 #include <cmath>
+#include <fstream>
 #include <system_error>
 
 #include "core/display.h"
@@ -26,11 +28,12 @@ BadInput failure(const fs::path& path, const std::string& problem) {
   return BadInput(path.string() + ": " + problem);
 }
 
-// One line, without the newlines that libraries put into their messages.
-std::string one_line(std::string text) {
-  for (char& c : text)
-    if (c == '\n' || c == '\r') c = ' ';
-  return std::string(trim(text));
+// What the library says of a failure, as the end of a one-line message; it may say nothing.
+std::string detail(const OIIO::ImageInput& input) {
+  std::string text = input.geterror();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  const std::string_view trimmed = trim(text);
+  return trimmed.empty() ? std::string() : ": " + std::string(trimmed);
 }
 
 struct OpenImage {
@@ -59,6 +62,30 @@ void check_spec(const fs::path& path, const OIIO::ImageSpec& spec, std::size_t m
     throw failure(path, claim + ", which a file of " + std::to_string(bytes) + " bytes cannot hold");
 }
 
+// Follows the chunks of a PNG file to its end chunk (ISO/IEC 15948, clause 5.3), because libpng prints to
+// stderr when it meets the end of the file too early. Other damage is left to libpng.
+void check_png_is_whole(const fs::path& path) {
+  std::ifstream file(path, std::ios::binary);
+  const std::uintmax_t size = fs::file_size(path);
+  const auto cut_short = [&] {
+    return failure(path, "is cut short: it ends after " + std::to_string(size) + " bytes");
+  };
+  std::array<unsigned char, 8> head{};  // the signature, then each chunk's length (big-endian) and type
+  const auto read_head = [&] { return bool(file.read(reinterpret_cast<char*>(head.data()), head.size())); };
+  constexpr std::array<unsigned char, 8> kSignature{0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
+  if (!read_head()) throw cut_short();
+  if (head != kSignature) throw failure(path, "is not a PNG file, whatever its name says");
+  for (std::uintmax_t at = 8;;) {
+    if (!read_head()) throw cut_short();
+    const std::uintmax_t length = std::uintmax_t(head[0]) << 24 | std::uintmax_t(head[1]) << 16 |
+                                  std::uintmax_t(head[2]) << 8 | std::uintmax_t(head[3]);
+    at += 12 + length;  // length, type, data, checksum
+    if (at > size) throw cut_short();
+    if (std::equal(head.begin() + 4, head.end(), "IEND")) return;
+    file.seekg(static_cast<std::streamoff>(at));
+  }
+}
+
 OpenImage open_image(const fs::path& path, std::size_t max_values) {
   const image_io::Format& format = image_io::format_of(path);
   std::error_code error;
@@ -66,15 +93,16 @@ OpenImage open_image(const fs::path& path, std::size_t max_values) {
   if (!fs::exists(status)) throw failure(path, "no such file");
   if (!fs::is_regular_file(status)) throw failure(path, "not a regular file");
 
+  if (std::string_view(format.plugin) == "png") check_png_is_whole(path);
+
   OpenImage open;
   // By the format's name and not by the file's: OpenImageIO gives '?' in names a meaning of its own.
   open.input = OIIO::ImageInput::create(format.plugin);
-  if (open.input == nullptr)
-    throw failure(path, "OpenImageIO cannot read this format: " + one_line(OIIO::geterror()));
+  if (open.input == nullptr) throw failure(path, "OpenImageIO was built without this format");
   OIIO::ImageSpec wishes;
   wishes.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored, not multiplied by alpha
   if (!open.input->open(path.string(), open.spec, wishes))
-    throw failure(path, "cannot be read as an image: " + one_line(open.input->geterror()));
+    throw failure(path, "cannot be read as an image of this format" + detail(*open.input));
   check_spec(path, open.spec, max_values);
   open.size = {open.spec.height, open.spec.width, open.spec.nchannels};
   return open;
@@ -102,8 +130,8 @@ Image read_image(const fs::path& path, const ReadOptions& options) {
   OpenImage open = open_image(path, options.max_values);
   Image image(open.size);
   if (!open.input->read_image(0, 0, 0, open.size.channels, OIIO::TypeDesc::FLOAT, image.values().data()))
-    throw failure(path, "is damaged or cut short: " + one_line(open.input->geterror()));
-  if (open.input->has_error()) throw failure(path, "is damaged: " + one_line(open.input->geterror()));
+    throw failure(path, "is damaged or cut short" + detail(*open.input));
+  if (open.input->has_error()) throw failure(path, "is damaged" + detail(*open.input));
   require_finite(image, path.string());
 
   const bool srgb = options.encoding == Encoding::kAuto ? !open.spec.format.is_floating_point()

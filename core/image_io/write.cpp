@@ -1,3 +1,4 @@
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -58,9 +59,15 @@ OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Forma
         size.channels == 1 ? std::vector<std::string>{"Y"} : std::vector<std::string>{"Y", "A"};
   spec.alpha_channel = size.channels % 2 == 0 ? size.channels - 1 : -1;
   spec.attribute("oiio:UnassociatedAlpha", 1);  // colours go into the file as they are
+  // OpenImageIO puts the time of writing into TIFF and EXR when no date is given; blanks are the date
+  // "unknown" of the Exif standard (CIPA DC-008, tag DateTime).
+  spec.attribute("DateTime", "    :  :     :  :  ");
   const std::string_view plugin = format.plugin;
   if (plugin == "jpeg") spec.attribute("Compression", "jpeg:95");
-  if (plugin == "tiff") spec.attribute("Compression", "zip");
+  if (plugin == "tiff") {
+    spec.attribute("Compression", "zip");
+    spec.attribute("tiff:write_exif", 0);  // which fails in memory, and there is nothing to put in
+  }
   if (plugin == "openexr") {
     spec.attribute("Compression", "zip");
     if (!srgb && size.channels >= 3) {
@@ -98,14 +105,15 @@ void write_image(const fs::path& path, ImageView image, const WriteOptions& opti
   if (std::string_view(format.plugin) == "hdr") lowest = 0;  // RGBE has no sign
   const Image values = encoded(image, type, srgb, lowest, highest);
 
-  replace_file_atomically(path, [&](const fs::path& temporary) {
-    const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(format.plugin);
-    if (output == nullptr) throw fail("OpenImageIO cannot write this format");
-    const bool written = output->open(temporary.string(), fresh_spec(image.size(), type, format, srgb)) &&
-                         output->write_image(OIIO::TypeDesc::FLOAT, values.values().data()) &&
-                         output->close();
-    if (!written) throw fail(output->geterror());
-  });
+  // Encoded in memory first: several of the libraries below do not report a full disk.
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput sink(bytes);
+  const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(format.plugin);
+  if (output == nullptr || !output->set_ioproxy(&sink)) throw fail("OpenImageIO cannot write this format");
+  const bool written = output->open(path.string(), fresh_spec(image.size(), type, format, srgb)) &&
+                       output->write_image(OIIO::TypeDesc::FLOAT, values.values().data()) && output->close();
+  if (!written) throw fail(output->geterror());
+  write_file_atomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 
 }  // namespace lightstage::core
