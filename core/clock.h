@@ -1,4 +1,5 @@
-// Time is int64 nanoseconds of CLOCK_MONOTONIC, from a Clock that is passed in, so that simulated runs need no waiting.
+// Time is int64 nanoseconds of CLOCK_MONOTONIC, from a Clock that is passed in, so that simulated runs need
+// no waiting.
 #pragma once
 
 #include <atomic>

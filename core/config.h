@@ -11,9 +11,9 @@
 
 namespace lightstage::core {
 
-// One table of a TOML document. Getters throw BadInput "FILE:LINE: key 'k' ..." for a missing key, a wrong type, a value that is
-// not finite or out of range. Every key asked for counts as known; finish() throws for the first key that nobody
-// asked for, so that a misspelt option is never ignored.
+// One table of a TOML document. Getters throw BadInput "FILE:LINE: key 'k' ..." for a missing key, a wrong
+// type, a value that is not finite or out of range. Every key asked for counts as known; finish() throws for
+// the first key that nobody asked for, so that a misspelt option is never ignored.
 class TomlTable {
  public:
   static TomlTable read_file(const std::filesystem::path& path);

@@ -12,11 +12,12 @@ class Direction {
   // +z, towards the primary camera.
   Direction() = default;
 
-  // Normalises `v`. Throws BadInput when v is zero or not finite. Vectors of any finite length are taken, down to
-  // denormals, without loss.
+  // Normalises `v`. Throws BadInput when v is zero or not finite. Vectors of any finite length are taken,
+  // down to denormals, without loss.
   static Direction from_vector(Vec3 v);
 
-  // Longitude 0 is +z, +90 degrees is +x; latitude +90 degrees is +y: the angles of the lat-long environment map.
+  // Longitude 0 is +z, +90 degrees is +x; latitude +90 degrees is +y: the angles of the lat-long environment
+  // map.
   static Direction from_longitude_latitude_degrees(double longitude_degrees, double latitude_degrees);
 
   Vec3 vec() const { return v_; }
@@ -33,8 +34,9 @@ class Direction {
   Vec3 v_{0, 0, 1};
 };
 
-// Angle between two directions in [0, pi]. Exact to float64 rounding at both ends, where acos of the dot product loses
-// half the digits (Kahan 2006, "How futile are mindless assessments of roundoff", section 12: 2 atan2(|a-b|, |a+b|)).
+// Angle between two directions in [0, pi]. Exact to float64 rounding at both ends, where acos of the dot
+// product loses half the digits (Kahan 2006, "How futile are mindless assessments of roundoff", section 12: 2
+// atan2(|a-b|, |a+b|)).
 double angle_radians(const Direction& a, const Direction& b);
 
 // Parses "x,y,z" (normalised) or "longitude,latitude" in degrees. Throws BadInput naming the text.

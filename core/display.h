@@ -9,8 +9,8 @@ namespace lightstage::core {
 float srgb_encode(float linear);
 float srgb_decode(float encoded);
 
-// The display encoding in which errors are judged and in which methods may blend: max(v, 0)^(1/2.2). Decoding is the
-// power 2.2 of max(v, 0). Both are finite for all finite input.
+// The display encoding in which errors are judged and in which methods may blend: max(v, 0)^(1/2.2). Decoding
+// is the power 2.2 of max(v, 0). Both are finite for all finite input.
 float display_encode(float linear);
 float display_decode(float encoded);
 Image display_encode(ImageView linear);

@@ -1,6 +1,6 @@
-// Errors that a user can act on. Everything this project throws on purpose derives from core::Error; `main` prints
-// what() as one line and exits with exit_code(). A message says what is wrong, where (file, line, pixel, light), and
-// what to do.
+// Errors that a user can act on. Everything this project throws on purpose derives from core::Error; `main`
+// prints what() as one line and exits with exit_code(). A message says what is wrong, where (file, line,
+// pixel, light), and what to do.
 #pragma once
 
 #include <stdexcept>

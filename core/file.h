@@ -8,15 +8,16 @@
 
 namespace lightstage::core {
 
-// The file's bytes. Throws BadInput naming the file when it is missing, not a regular file, or larger than `max_bytes`.
+// The file's bytes. Throws BadInput naming the file when it is missing, not a regular file, or larger than
+// `max_bytes`.
 std::string read_text_file(const std::filesystem::path& path, std::size_t max_bytes = std::size_t(64) << 20);
 
-// Writes to a temporary file beside the target, syncs, renames over the target and syncs the folder. Throws BadInput when the folder is
-// missing or the disk is full; the target is then as it was.
+// Writes to a temporary file beside the target, syncs, renames over the target and syncs the folder. Throws
+// BadInput when the folder is missing or the disk is full; the target is then as it was.
 void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
 
-// Calls `write(temporary_path)` and then moves the result into place as above; the temporary file has the target's extension.
-// Removes it when `write` throws.
+// Calls `write(temporary_path)` and then moves the result into place as above; the temporary file has the
+// target's extension. Removes it when `write` throws.
 template <class Write>
 void replace_file_atomically(const std::filesystem::path& path, Write&& write);
 

@@ -1,5 +1,5 @@
-// Images as every room sees them: float32, rows of pixels of interleaved channels (HWC, which is torch channels_last),
-// linear scene-referred with Rec. 709 primaries unless a name says otherwise.
+// Images as every room sees them: float32, rows of pixels of interleaved channels (HWC, which is torch
+// channels_last), linear scene-referred with Rec. 709 primaries unless a name says otherwise.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,8 @@ template <class T>
 class BasicImageView {
  public:
   BasicImageView() = default;
-  BasicImageView(T* data, ImageSize size, std::size_t row_stride) : data_(data), size_(size), row_stride_(row_stride) {}
+  BasicImageView(T* data, ImageSize size, std::size_t row_stride)
+      : data_(data), size_(size), row_stride_(row_stride) {}
 
   ImageSize size() const { return size_; }
   int height() const { return size_.height; }
@@ -90,11 +91,12 @@ class Image {
 Image to_rgb(ImageView image);
 // Rec. 709 luminance, one channel; a grey image is copied.
 Image to_luminance(ImageView image);
-// The mean over whole boxes of `factor` x `factor` pixels; sizes are rounded up and the last boxes may be smaller.
+// The mean over whole boxes of `factor` x `factor` pixels; sizes are rounded up and the last boxes may be
+// smaller.
 Image shrink_by_box(ImageView image, int factor);
 
-// Weighted sum of images of one size, in float64, in a fixed order: the result is the same for every thread count.
-// Pixels of images whose weight is exactly 0 are not read. Throws BadInput when sizes differ.
+// Weighted sum of images of one size, in float64, in a fixed order: the result is the same for every thread
+// count. Pixels of images whose weight is exactly 0 are not read. Throws BadInput when sizes differ.
 Image weighted_sum(std::span<const ImageView> images, std::span<const double> weights);
 
 // The q-quantile (q in [0, 1], linear between order statistics) of the values; all values must be finite.

@@ -3,8 +3,8 @@
 
 namespace lightstage::core {
 
-// While one lives, SIGINT and SIGTERM only set a flag; a second signal ends the process at once by the signal's default
-// action. Restores what was there before.
+// While one lives, SIGINT and SIGTERM only set a flag; a second signal ends the process at once by the
+// signal's default action. Restores what was there before.
 class InterruptGuard {
  public:
   InterruptGuard();

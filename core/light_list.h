@@ -15,7 +15,8 @@ namespace lightstage::core {
 struct Light {
   Direction direction;           // at stage centre, stage frame
   std::optional<Vec3> position;  // metres, stage frame, where known
-  // Irradiance at stage centre in units of pi: a white Lambertian surface facing the light has radiance `gain`.
+  // Irradiance at stage centre in units of pi: a white Lambertian surface facing the light has radiance
+  // `gain`.
   std::array<double, 3> gain{1, 1, 1};
 };
 
@@ -25,8 +26,9 @@ struct LpEntry {
   Direction direction;
 };
 
-// Reads "count, then `name x y z` a line" (RTI .lp, same axes as the stage frame). Names may hold spaces. Throws BadInput with
-// file and line for a missing file, a wrong count, a line that does not parse, a zero or non-finite direction.
+// Reads "count, then `name x y z` a line" (RTI .lp, same axes as the stage frame). Names may hold spaces.
+// Throws BadInput with file and line for a missing file, a wrong count, a line that does not parse, a zero or
+// non-finite direction.
 std::vector<LpEntry> read_lp(const std::filesystem::path& path);
 
 // Writes an .lp file atomically, with 9 significant digits.

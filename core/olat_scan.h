@@ -1,4 +1,5 @@
-// An OLAT scan as the model and relight rooms see it: lights, images loaded when asked for, and the subject's mask.
+// An OLAT scan as the model and relight rooms see it: lights, images loaded when asked for, and the subject's
+// mask.
 #pragma once
 
 #include <cstddef>
@@ -20,9 +21,9 @@ class OlatScan {
   // Reads the image of one light; called at most once for an image that stays cached. May throw.
   using Loader = std::function<Image(std::size_t light_index)>;
 
-  // `mask` has one channel, the size of the images, 1 inside the subject and 0 outside; an empty one means all inside.
-  // At most `cache_bytes` of images stay in memory (least recently used go first).
-  // Throws BadInput for no lights or a mask of another size.
+  // `mask` has one channel, the size of the images, 1 inside the subject and 0 outside; an empty one means
+  // all inside. At most `cache_bytes` of images stay in memory (least recently used go first). Throws
+  // BadInput for no lights, a mask of another size, or one with nothing (above 0.5) inside.
   OlatScan(std::string name, std::vector<Light> lights, ImageSize image_size, Image mask, Loader loader,
            std::size_t cache_bytes = std::size_t(4) << 30);
 
@@ -39,15 +40,18 @@ class OlatScan {
   const Image& mask() const;
   std::size_t masked_pixel_count() const;
 
-  // The 99.5th percentile of all masked values of all images: the value shown as 1 when errors are judged. Never 0:
-  // an all-black scan has exposure 1. Computed once, on first use (reads every image).
+  // The 99.5th percentile of all masked values of all images: the value shown as 1 when errors are judged.
+  // Exact, and always positive: where the percentile is not, it is the largest value, and 1 for an all-black
+  // scan. Computed once, on first use: reads every image and takes memory for about 1% of the masked values.
   double exposure() const;
 
-  // This scan with only the given lights, in that order, sharing images, mask and exposure (leave-one-out, subsampling).
+  // This scan with only the given lights, in that order, sharing images, mask and exposure (leave-one-out,
+  // subsampling).
   OlatScan with_lights(std::span<const std::size_t> light_indices) const;
 
  private:
   struct Shared;
+  std::size_t source_index(std::size_t light_index) const;
   std::shared_ptr<Shared> shared_;
   std::vector<std::size_t> source_index_;  // light here -> light in shared_
   std::vector<Direction> directions_;

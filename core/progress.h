@@ -15,8 +15,8 @@ void set_quiet(bool quiet);
 void note(std::string_view text);
 void warn(std::string_view text);
 
-// Counts work done. Lines appear at most ten times a second on a terminal and about every 5 seconds otherwise, plus one at the end
-// with the time taken. May be advanced from several threads.
+// Counts work done. Lines appear at most ten times a second on a terminal and about every 5 seconds
+// otherwise, plus one at the end with the time taken. May be advanced from several threads.
 class Progress {
  public:
   // `total` 0 means that it is not known.

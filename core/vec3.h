@@ -1,5 +1,6 @@
-// Small fixed-size geometry in float64. Frames and units are the caller's and named where they matter; the stage frame
-// is right-handed, in metres, x right, y up, z from the subject towards the primary camera, origin at stage centre.
+// Small fixed-size geometry in float64. Frames and units are the caller's and named where they matter; the
+// stage frame is right-handed, in metres, x right, y up, z from the subject towards the primary camera,
+// origin at stage centre.
 #pragma once
 
 #include <array>
@@ -19,12 +20,16 @@ struct Vec3 {
   friend bool operator==(const Vec3&, const Vec3&) = default;
 };
 
-inline double dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+inline double dot(Vec3 a, Vec3 b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
 inline Vec3 cross(Vec3 a, Vec3 b) {
   return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 // Neither overflows nor underflows for any finite vector.
-inline double norm(Vec3 a) { return std::hypot(a.x, a.y, a.z); }
+inline double norm(Vec3 a) {
+  return std::hypot(a.x, a.y, a.z);
+}
 
 // Row-major 3x3 matrix; for rotations the rows are the target frame's axes written in the source frame.
 struct Mat3 {
@@ -45,7 +50,8 @@ struct Mat3 {
   }
 };
 
-// Rotation by an angle about an axis (Rodrigues' formula); the axis need not be of unit length but must not be zero.
+// Rotation by an angle about an axis (Rodrigues' formula); the axis need not be of unit length but must not
+// be zero.
 Mat3 rotation_about(Vec3 axis, double angle_radians);
 
 // target = rotation * source + translation. Named target_from_source, as in stage_from_camera.

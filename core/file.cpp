@@ -1,0 +1,125 @@
+#include "core/file.h"
+
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <random>
+#include <utility>
+
+#include "core/error.h"
+
+namespace lightstage::core {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+class FileDescriptor {
+ public:
+  FileDescriptor(const fs::path& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
+  ~FileDescriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
+  FileDescriptor(const FileDescriptor&) = delete;
+  FileDescriptor& operator=(const FileDescriptor&) = delete;
+
+  bool is_open() const { return fd_ >= 0; }
+  int get() const { return fd_; }
+  // False when the system reports at closing that a write before has failed.
+  bool close() { return ::close(std::exchange(fd_, -1)) == 0; }
+
+ private:
+  int fd_;
+};
+
+BadInput system_failure(const std::string& action, const fs::path& path) {
+  return BadInput(action + " " + path.string() + ": " + std::strerror(errno));
+}
+
+fs::path folder_of(const fs::path& path) {
+  const fs::path folder = path.parent_path();
+  return folder.empty() ? fs::path(".") : folder;
+}
+
+}  // namespace
+
+std::string read_text_file(const fs::path& path, std::size_t max_bytes) {
+  // Not blocking, so that a pipe is refused below instead of waited for.
+  const FileDescriptor file(path, O_RDONLY | O_NONBLOCK);
+  struct stat status {};
+  if (!file.is_open() || fstat(file.get(), &status) != 0) throw system_failure("cannot read", path);
+  if (!S_ISREG(status.st_mode)) throw BadInput("cannot read " + path.string() + ": not a regular file");
+
+  std::string bytes;
+  const auto too_large = [&] {
+    return BadInput("cannot read " + path.string() + ": larger than the " + std::to_string(max_bytes) +
+                    " bytes such a file may have");
+  };
+  if (static_cast<std::uintmax_t>(status.st_size) > max_bytes) throw too_large();
+  bytes.reserve(static_cast<std::size_t>(status.st_size));
+  char block[1 << 16];
+  for (;;) {
+    const ssize_t n = ::read(file.get(), block, sizeof block);
+    if (n == 0) return bytes;
+    if (n < 0) {
+      if (errno == EINTR) continue;
+      throw system_failure("cannot read", path);
+    }
+    if (bytes.size() + static_cast<std::size_t>(n) > max_bytes) throw too_large();
+    bytes.append(block, static_cast<std::size_t>(n));
+  }
+}
+
+void write_file_atomically(const fs::path& path, std::string_view bytes) {
+  replace_file_atomically(path, [&](const fs::path& temporary) {
+    FileDescriptor file(temporary, O_WRONLY | O_CREAT | O_EXCL);
+    if (!file.is_open()) throw system_failure("cannot write", path);
+    while (!bytes.empty()) {
+      const ssize_t n = ::write(file.get(), bytes.data(), bytes.size());
+      if (n < 0 && errno == EINTR) continue;
+      if (n < 0) throw system_failure("cannot write", path);
+      bytes.remove_prefix(static_cast<std::size_t>(n));
+    }
+    if (!file.close()) throw system_failure("cannot write", path);
+  });
+}
+
+namespace file_detail {
+
+fs::path temporary_beside(const fs::path& path) {
+  const fs::path folder = folder_of(path);
+  std::error_code error;
+  if (!fs::is_directory(folder, error))
+    throw BadInput("cannot write " + path.string() + ": there is no folder " + folder.string());
+  if (path.filename().empty()) throw BadInput("cannot write " + path.string() + ": it names a folder");
+  // Random, because several processes, on several machines, may write into one folder.
+  std::random_device random;
+  char name[40];
+  std::snprintf(name, sizeof name, ".lightstage-%08x%08x", random(), random());
+  return folder / (name + path.extension().string());
+}
+
+void commit(const fs::path& temporary, const fs::path& path) {
+  {
+    FileDescriptor file(temporary, O_RDONLY);
+    if (!file.is_open() || fsync(file.get()) != 0 || !file.close())
+      throw system_failure("cannot write", path);
+  }
+  if (std::rename(temporary.c_str(), path.c_str()) != 0) throw system_failure("cannot write", path);
+  const FileDescriptor folder(folder_of(path), O_RDONLY | O_DIRECTORY);
+  // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
+  if (!folder.is_open() || (fsync(folder.get()) != 0 && errno != EINVAL))
+    throw system_failure("cannot sync the folder of", path);
+}
+
+void discard(const fs::path& temporary) noexcept {
+  std::error_code ignored;
+  fs::remove(temporary, ignored);
+}
+
+}  // namespace file_detail
+
+}  // namespace lightstage::core

@@ -1,0 +1,257 @@
+#include "core/olat_scan.h"
+
+#include <algorithm>
+#include <future>
+#include <list>
+#include <mutex>
+#include <optional>
+
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace lightstage::core {
+
+namespace {
+
+constexpr double kExposureQuantile = 0.995;
+
+std::string text_of(ImageSize size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height) + "x" + std::to_string(size.channels);
+}
+
+// Keeps the largest values of a stream whose length is known: exact, whatever the order in which they come.
+class LargestValues {
+ public:
+  explicit LargestValues(std::size_t keep) : keep_(keep) {}
+
+  // Values below it cannot be among the largest any more.
+  float threshold() const { return threshold_; }
+  void add(std::span<const float> values) {
+    kept_.insert(kept_.end(), values.begin(), values.end());
+    if (kept_.size() >= 2 * keep_ + kSlack) prune();
+  }
+  // In ascending order.
+  std::vector<float> take() {
+    prune();
+    std::sort(kept_.begin(), kept_.end());
+    return std::move(kept_);
+  }
+
+ private:
+  static constexpr std::size_t kSlack = 1 << 16;
+
+  void prune() {
+    if (kept_.size() <= keep_) return;
+    std::nth_element(kept_.begin(), kept_.begin() + std::ptrdiff_t(keep_ - 1), kept_.end(), std::greater<>());
+    kept_.resize(keep_);
+    threshold_ = kept_.back();
+  }
+
+  std::size_t keep_;
+  float threshold_ = -std::numeric_limits<float>::infinity();
+  std::vector<float> kept_;
+};
+
+}  // namespace
+
+struct OlatScan::Shared {
+  using ImagePointer = std::shared_ptr<const Image>;
+
+  std::string name;
+  std::vector<Light> lights;
+  ImageSize image_size;
+  Image mask;
+  std::size_t masked_pixel_count = 0;
+  Loader loader;
+  std::size_t cached_images_allowed = 0;
+
+  std::mutex cache_mutex;
+  struct Slot {
+    ImagePointer image;                                       // set while cached
+    std::list<std::size_t>::iterator place;                   // in recently_used, while cached
+    std::optional<std::shared_future<ImagePointer>> loading;  // set while some thread is loading it
+  };
+  std::vector<Slot> slots;
+  std::list<std::size_t> recently_used;  // most recent first
+
+  std::mutex exposure_mutex;
+  std::optional<double> exposure;
+
+  ImagePointer image(std::size_t index);
+  ImagePointer load(std::size_t index) const;
+  void keep(std::size_t index, const ImagePointer& image);
+  double compute_exposure();
+};
+
+OlatScan::Shared::ImagePointer OlatScan::Shared::image(std::size_t index) {
+  std::promise<ImagePointer> promise;
+  {
+    std::unique_lock lock(cache_mutex);
+    Slot& slot = slots[index];
+    if (slot.image != nullptr) {
+      recently_used.splice(recently_used.begin(), recently_used, slot.place);
+      return slot.image;
+    }
+    if (slot.loading) {
+      const std::shared_future<ImagePointer> result = *slot.loading;
+      lock.unlock();
+      return result.get();
+    }
+    slot.loading = promise.get_future().share();
+  }
+  // The lock is not held here, so other images load at the same time.
+  try {
+    const ImagePointer loaded = load(index);
+    {
+      const std::lock_guard lock(cache_mutex);
+      slots[index].loading.reset();
+      keep(index, loaded);
+    }
+    promise.set_value(loaded);
+    return loaded;
+  } catch (...) {
+    {
+      const std::lock_guard lock(cache_mutex);
+      slots[index].loading.reset();
+    }
+    promise.set_exception(std::current_exception());
+    throw;
+  }
+}
+
+OlatScan::Shared::ImagePointer OlatScan::Shared::load(std::size_t index) const {
+  auto image = std::make_shared<const Image>(loader(index));
+  if (image->size() != image_size)
+    throw BadInput("scan '" + name + "': the image of light " + std::to_string(index) + " is " +
+                   text_of(image->size()) + ", the scan's images are " + text_of(image_size));
+  return image;
+}
+
+void OlatScan::Shared::keep(std::size_t index, const ImagePointer& image) {
+  if (cached_images_allowed == 0) return;
+  while (recently_used.size() >= cached_images_allowed) {
+    slots[recently_used.back()].image.reset();
+    recently_used.pop_back();
+  }
+  recently_used.push_front(index);
+  slots[index].image = image;
+  slots[index].place = recently_used.begin();
+}
+
+double OlatScan::Shared::compute_exposure() {
+  const std::size_t values_per_image = masked_pixel_count * std::size_t(image_size.channels);
+  const std::size_t count = values_per_image * lights.size();
+  const double position = kExposureQuantile * double(count - 1);
+  const std::size_t below = static_cast<std::size_t>(position);
+  LargestValues largest(count - below);
+  std::mutex mutex;
+  parallel_for(lights.size(), 1, [&](std::size_t first, std::size_t last) {
+    std::vector<float> candidates;
+    for (std::size_t i = first; i < last; ++i) {
+      const ImagePointer picture = image(i);
+      float threshold = 0;
+      {
+        const std::lock_guard lock(mutex);
+        threshold = largest.threshold();
+      }
+      candidates.clear();
+      for (int y = 0; y < image_size.height; ++y)
+        for (int x = 0; x < image_size.width; ++x) {
+          if (!(mask(y, x) > 0.5f)) continue;
+          const float* p = picture->pixel(y, x);
+          for (int c = 0; c < image_size.channels; ++c)
+            if (p[c] >= threshold) candidates.push_back(p[c]);
+        }
+      const std::lock_guard lock(mutex);
+      largest.add(candidates);
+    }
+  });
+  const std::vector<float> top = largest.take();
+  const double low = top.front();
+  const double high = top.size() > 1 ? top[1] : top.front();
+  const double percentile = std::lerp(low, high, position - double(below));
+  if (percentile > 0) return percentile;
+  return top.back() > 0 ? top.back() : 1;
+}
+
+OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_size, Image mask,
+                   Loader loader, std::size_t cache_bytes)
+    : shared_(std::make_shared<Shared>()) {
+  const auto fail = [&](const std::string& problem) { return BadInput("scan '" + name + "': " + problem); };
+  if (lights.empty()) throw fail("it has no lights");
+  if (image_size.value_count() == 0) throw fail("its images have no pixels");
+  if (mask.empty()) {
+    mask = Image(image_size.height, image_size.width, 1);
+    std::fill(mask.values().begin(), mask.values().end(), 1.0f);
+  }
+  if (mask.size() != ImageSize{image_size.height, image_size.width, 1})
+    throw fail("its mask is " + text_of(mask.size()) + ", its images are " + text_of(image_size));
+  const auto inside =
+      std::count_if(mask.values().begin(), mask.values().end(), [](float m) { return m > 0.5f; });
+  if (inside == 0) throw fail("nothing is inside its mask");
+
+  for (const Light& light : lights) directions_.push_back(light.direction);
+  for (std::size_t i = 0; i < lights.size(); ++i) source_index_.push_back(i);
+  shared_->name = std::move(name);
+  shared_->slots.resize(lights.size());
+  shared_->lights = std::move(lights);
+  shared_->image_size = image_size;
+  shared_->mask = std::move(mask);
+  shared_->masked_pixel_count = static_cast<std::size_t>(inside);
+  shared_->loader = std::move(loader);
+  shared_->cached_images_allowed = cache_bytes / (image_size.value_count() * sizeof(float));
+}
+
+const std::string& OlatScan::name() const {
+  return shared_->name;
+}
+std::size_t OlatScan::light_count() const {
+  return source_index_.size();
+}
+const std::vector<Direction>& OlatScan::directions() const {
+  return directions_;
+}
+ImageSize OlatScan::image_size() const {
+  return shared_->image_size;
+}
+const Image& OlatScan::mask() const {
+  return shared_->mask;
+}
+std::size_t OlatScan::masked_pixel_count() const {
+  return shared_->masked_pixel_count;
+}
+
+std::size_t OlatScan::source_index(std::size_t light_index) const {
+  if (light_index >= source_index_.size())
+    throw BadInput("scan '" + name() + "' has lights 0 to " + std::to_string(source_index_.size() - 1) +
+                   ", not " + std::to_string(light_index));
+  return source_index_[light_index];
+}
+
+const Light& OlatScan::light(std::size_t light_index) const {
+  return shared_->lights[source_index(light_index)];
+}
+
+std::shared_ptr<const Image> OlatScan::image(std::size_t light_index) const {
+  return shared_->image(source_index(light_index));
+}
+
+double OlatScan::exposure() const {
+  const std::lock_guard lock(shared_->exposure_mutex);
+  if (!shared_->exposure) shared_->exposure = shared_->compute_exposure();
+  return *shared_->exposure;
+}
+
+OlatScan OlatScan::with_lights(std::span<const std::size_t> light_indices) const {
+  if (light_indices.empty()) throw BadInput("scan '" + name() + "': a choice of lights needs at least one");
+  OlatScan chosen = *this;
+  chosen.source_index_.clear();
+  chosen.directions_.clear();
+  for (const std::size_t i : light_indices) {
+    chosen.source_index_.push_back(source_index(i));
+    chosen.directions_.push_back(directions_[i]);
+  }
+  return chosen;
+}
+
+}  // namespace lightstage::core
