@@ -80,4 +80,9 @@ std::optional<std::string> nearest_name(std::string_view name, std::span<const s
   return nearest != nullptr ? std::optional(*nearest) : std::nullopt;
 }
 
+std::string did_you_mean(std::string_view name, std::span<const std::string> candidates) {
+  const std::optional<std::string> nearest = nearest_name(name, candidates);
+  return nearest ? " (did you mean '" + *nearest + "'?)" : std::string();
+}
+
 }  // namespace lightstage::core

@@ -28,4 +28,7 @@ std::string number_text(double value, int significant_digits = 9);
 // name's length (at least 1). The earliest wins a tie.
 std::optional<std::string> nearest_name(std::string_view name, std::span<const std::string> candidates);
 
+// " (did you mean 'x'?)", or empty when nothing is near: to be put behind a message.
+std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
+
 }  // namespace lightstage::core
