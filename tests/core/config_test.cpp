@@ -72,18 +72,15 @@ TEST_CASE("missing keys, wrong types and values that are not finite name file an
   CHECK(says(refusal("a = 1\n", [](const TomlTable& t) { t.number("b"); }), "x.toml:1:", "'b' is missing"));
   CHECK(says(refusal("a = 1\n\n[cam]\n", [](const TomlTable& t) { t.table("cam").integer("width"); }),
              "x.toml:3:", "'cam.width' is missing"));
-  CHECK(says(refusal("\na = 'x'\n", [](const TomlTable& t) { t.number("a"); }),
-             "x.toml:2:", "'a' must be a number"));
+  CHECK(says(refusal("\na = 'x'\n", [](const TomlTable& t) { t.number("a"); }), "x.toml:2:", "'a' must be a number"));
   CHECK(says(refusal("a = 1.5\n", [](const TomlTable& t) { t.integer("a"); }), "x.toml:1:", "integer"));
   CHECK(says(refusal("a = 1.5\n", [](const TomlTable& t) { t.integer("a", 3); }), "x.toml:1:", "integer"));
-  CHECK(says(refusal("a = 1\n", [](const TomlTable& t) { t.boolean("a", true); }),
-             "x.toml:1:", "true or false"));
+  CHECK(says(refusal("a = 1\n", [](const TomlTable& t) { t.boolean("a", true); }), "x.toml:1:", "true or false"));
   CHECK(says(refusal("a = 1\n", [](const TomlTable& t) { t.string("a"); }), "x.toml:1:", "string"));
   CHECK(says(refusal("a = 1\n", [](const TomlTable& t) { t.table("a"); }), "x.toml:1:", "table"));
   CHECK(says(refusal("a = 1\n", [](const TomlTable& t) { t.tables("a"); }), "x.toml:1:", "array"));
   CHECK(says(refusal("a = [1,\n 'x']\n", [](const TomlTable& t) { t.numbers("a"); }), "x.toml:2:", "number"));
-  CHECK(says(refusal("a = [1, 2]\n", [](const TomlTable& t) { t.numbers("a", 3); }),
-             "x.toml:1:", "3 numbers, not 2"));
+  CHECK(says(refusal("a = [1, 2]\n", [](const TomlTable& t) { t.numbers("a", 3); }), "x.toml:1:", "3 numbers, not 2"));
   CHECK(says(refusal("a = inf\n", [](const TomlTable& t) { t.number("a"); }), "x.toml:1:", "finite"));
   CHECK(says(refusal("a = [0.0, nan]\n", [](const TomlTable& t) { t.numbers("a"); }), "x.toml:1:", "finite"));
   CHECK(says(refusal("b = 1\na = -3\n", [](const TomlTable& t) { t.fail("a", "must be positive"); }),
@@ -101,9 +98,8 @@ TEST_CASE("a key that nobody asked for is an error with a hint, in nested tables
     t.number("radius", 1);
     for (const TomlTable& step : t.tables("step")) step.integer("light", 0);
   };
-  CHECK(says(refusal("\nraduis = 2\n", ask), "x.toml:2:", "'raduis' is not known", "did you mean 'radius'?"));
-  CHECK(says(refusal("[[step]]\nlight = 1\n[[step]]\nlihgt = 2\n", ask), "x.toml:4:", "'step[1].lihgt'",
-             "'light'"));
+  CHECK(says(refusal("\nraduis = 2\n", ask), "x.toml:2:", "'raduis' is not known", "(did you mean 'radius'?)"));
+  CHECK(says(refusal("[[step]]\nlight = 1\n[[step]]\nlihgt = 2\n", ask), "x.toml:4:", "'step[1].lihgt'", "'light'"));
   const std::string far = refusal("zebra = 2\n", ask);
   CHECK(says(far, "x.toml:1:", "'zebra'"));
   CHECK(far.find("did you mean") == std::string::npos);
@@ -121,8 +117,7 @@ TEST_CASE("what was asked of a table counts wherever the table was taken from") 
 }
 
 TEST_CASE("a missing configuration file is named") {
-  const std::string message =
-      test::failure_of<core::BadInput>([] { TomlTable::read_file("/nowhere/stage.toml"); });
+  const std::string message = test::failure_of<core::BadInput>([] { TomlTable::read_file("/nowhere/stage.toml"); });
   CHECK(says(message, "/nowhere/stage.toml"));
   const test::TemporaryFolder folder;
   core::write_file_atomically(folder / "s.toml", "a = [\n");

@@ -91,8 +91,7 @@ TEST_CASE("directions are parsed from vectors and from angles") {
   CHECK(core::parse_direction("0, 0,-2.5e3").vec() == core::Vec3{0, 0, -1});
   CHECK(core::parse_direction("90,0").vec() == core::Vec3{1, 0, 0});
   CHECK(core::parse_direction(" +0 , +90 ").vec() == core::Vec3{0, 1, 0});
-  for (const char* text :
-       {"", "1", "1,2,3,4", "1,,2", "a,b,c", "0,0,0", "0,91", "1,2,nan", "1,2,3x", "inf,0,0"}) {
+  for (const char* text : {"", "1", "1,2,3,4", "1,,2", "a,b,c", "0,0,0", "0,91", "1,2,nan", "1,2,3x", "inf,0,0"}) {
     INFO(text);
     const std::string message = test::failure_of<core::BadInput>([&] { core::parse_direction(text); });
     CHECK(test::says(message, text, "is not a direction", "x,y,z or longitude,latitude"));

@@ -50,8 +50,8 @@ TEST_CASE("a write that fails leaves the old file and no litter") {
   core::write_file_atomically(folder / "x", "old");
   {
     const test::FullDisk full(1000);
-    const std::string message = test::failure_of<core::BadInput>(
-        [&] { core::write_file_atomically(folder / "x", std::string(5000, 'n')); });
+    const std::string message =
+        test::failure_of<core::BadInput>([&] { core::write_file_atomically(folder / "x", std::string(5000, 'n')); });
     CHECK(test::says(message, "cannot write", (folder / "x").string()));
   }
   CHECK(core::read_text_file(folder / "x") == "old");

@@ -34,14 +34,11 @@ TEST_CASE("a file cut short is refused by name wherever it is cut") {
   const test::TemporaryFolder folder;
   const Image image = noise(61, 83, 3);
   for (const char* extension : {".exr", ".png", ".jpg", ".tif", ".ppm", ".hdr"}) {
-    const fs::path whole = folder / (std::string("whole") + extension),
-                   cut = folder / (std::string("cut") + extension);
+    const fs::path whole = folder / (std::string("whole") + extension), cut = folder / (std::string("cut") + extension);
     core::write_image(whole, image);
     const std::string bytes = core::read_text_file(whole);
     // JPEG decoders supply a missing end marker, and TIFF ends with its date: neither costs a pixel.
-    const std::size_t harmless = std::string(extension) == ".jpg"   ? 2
-                                 : std::string(extension) == ".tif" ? 20
-                                                                    : 0;
+    const std::size_t harmless = std::string(extension) == ".jpg" ? 2 : std::string(extension) == ".tif" ? 20 : 0;
     for (std::size_t part = 0; part <= 16; ++part) {
       const std::size_t length = std::min(bytes.size() * part / 16, bytes.size() - harmless - 1);
       core::write_file_atomically(cut, bytes.substr(0, length));
@@ -64,16 +61,14 @@ TEST_CASE("a file that is missing, a folder, or of another format than its name 
     fs::copy_file(folder / "a.exr", other);
     CHECK(says(refusal(other), other.string()));
   }
-  CHECK(says(test::failure_of<core::BadInput>([&] { core::read_image_size(folder / "absent.exr"); }),
-             "absent.exr"));
+  CHECK(says(test::failure_of<core::BadInput>([&] { core::read_image_size(folder / "absent.exr"); }), "absent.exr"));
 }
 
 TEST_CASE("NaN and infinity are found wherever they are") {
   const auto check = [](float bad, const char* text) {
     Image poisoned(4, 5, 3);
     poisoned(3, 2, 1) = bad;
-    const std::string message =
-        test::failure_of<core::BadInput>([&] { core::require_finite(poisoned, "x.exr"); });
+    const std::string message = test::failure_of<core::BadInput>([&] { core::require_finite(poisoned, "x.exr"); });
     CHECK(says(message, "x.exr", "x 2, y 3, channel 1", text));
   };
   check(std::numeric_limits<float>::quiet_NaN(), "nan");
@@ -134,8 +129,7 @@ TEST_CASE("real photographs are read: 16-bit PNG, JPEG, PGM with comments, EXR a
   const fs::path data = root.parent_path();
   CHECK(core::read_image_size(data / "broken/yaleB21_P00_Ambient.pgm") == core::ImageSize{480, 640, 1});
   CHECK(core::read_image(data / "broken/yaleB21_P00_Ambient.pgm").height() == 480);
-  const Image ball =
-      core::read_image(data / "diligent_ball16/001.png", {.encoding = core::Encoding::kLinear});
+  const Image ball = core::read_image(data / "diligent_ball16/001.png", {.encoding = core::Encoding::kLinear});
   CHECK(ball.size() == core::ImageSize{196, 212, 3});
   // 16 bits: some value is no multiple of 1/255.
   bool finer = false;

@@ -92,15 +92,13 @@ TEST_CASE("integer files are sRGB unless told otherwise, and keep 8 or 16 bits")
                         {"a.ppm", std::nullopt, 1 / 255.0}}) {
     INFO(c.name);
     // sRGB's slope is at most 2.28 going back to light; linear keeps to half a step.
-    CHECK(largest_difference(there_and_back(image, folder / c.name, {.pixel_type = c.type}), image) <
-          2.3 * c.step / 2);
+    CHECK(largest_difference(there_and_back(image, folder / c.name, {.pixel_type = c.type}), image) < 2.3 * c.step / 2);
     const core::WriteOptions linear{.pixel_type = c.type, .encoding = Encoding::kLinear};
     CHECK(largest_difference(there_and_back(image, folder / c.name, linear), image) <= 0.5001 * c.step);
     // Read as if it were sRGB, a linear file is darker.
     const Image misread = core::read_image(folder / c.name, {.encoding = Encoding::kSrgb});
     CHECK(misread.values()[5] ==
-          Approx(core::srgb_decode(
-              core::read_image(folder / c.name, {.encoding = Encoding::kLinear}).values()[5])));
+          Approx(core::srgb_decode(core::read_image(folder / c.name, {.encoding = Encoding::kLinear}).values()[5])));
   }
   core::write_image(folder / "grey.pgm", noise(5, 7, 1));
   CHECK(core::read_image_size(folder / "grey.pgm") == ImageSize{5, 7, 1});

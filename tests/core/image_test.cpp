@@ -190,8 +190,7 @@ TEST_CASE("images of weight zero are not read, and bad sums are refused") {
   CHECK(test::says(message, "image 1", "3x2"));
   CHECK_THROWS_AS(core::weighted_sum({}, {}), core::BadInput);
   CHECK_THROWS_AS(core::weighted_sum(std::vector<ImageView>{one}, std::vector<double>{1, 2}), core::BadInput);
-  CHECK_THROWS_AS(core::weighted_sum(std::vector<ImageView>{one}, std::vector<double>{std::nan("")}),
-                  core::BadInput);
+  CHECK_THROWS_AS(core::weighted_sum(std::vector<ImageView>{one}, std::vector<double>{std::nan("")}), core::BadInput);
 }
 
 TEST_CASE("quantiles are linear between order statistics") {
@@ -233,8 +232,7 @@ TEST_CASE("sRGB follows its standard and undoes itself") {
 TEST_CASE("display encoding is the power 1/2.2, finite for everything finite") {
   CHECK(core::display_encode(0.5f) == Approx(std::pow(0.5, 1 / 2.2)).epsilon(1e-6));
   CHECK(core::display_decode(0.5f) == Approx(std::pow(0.5, 2.2)).epsilon(1e-6));
-  constexpr float largest = std::numeric_limits<float>::max(),
-                  smallest = std::numeric_limits<float>::denorm_min();
+  constexpr float largest = std::numeric_limits<float>::max(), smallest = std::numeric_limits<float>::denorm_min();
   for (const float v : {0.0f, -0.0f, -1.0f, -largest, smallest, 1e5f, largest}) {
     CHECK(std::isfinite(core::display_encode(v)));
     CHECK(std::isfinite(core::display_decode(v)));
@@ -270,8 +268,7 @@ TEST_CASE("images are display-encoded value by value, crops too, at every thread
 
 TEST_CASE("a stop doubles the light") {
   const Image image = noise(3, 5, 3, 7);
-  const Image brighter = core::expose(image, 3), darker = core::expose(image, -1),
-              same = core::expose(image, 0);
+  const Image brighter = core::expose(image, 3), darker = core::expose(image, -1), same = core::expose(image, 0);
   for (std::size_t i = 0; i < image.values().size(); ++i) {
     REQUIRE(brighter.values()[i] == 8 * image.values()[i]);
     REQUIRE(darker.values()[i] == image.values()[i] / 2);

@@ -53,8 +53,7 @@ TEST_CASE("bad .lp files are refused with file and line") {
   CHECK(says(refusal("1\n0 0 1\n"), "dirs.lp:2:", "expected 'name x y z'"));
   CHECK(says(refusal("1\na b c\n"), "dirs.lp:2:"));
   CHECK(says(refusal("1\na 0 0,5 1\n"), "dirs.lp:2:", "'0,5' is not a number"));
-  CHECK(
-      says(test::failure_of<core::BadInput>([] { core::read_lp("/nowhere/dirs.lp"); }), "/nowhere/dirs.lp"));
+  CHECK(says(test::failure_of<core::BadInput>([] { core::read_lp("/nowhere/dirs.lp"); }), "/nowhere/dirs.lp"));
 }
 
 TEST_CASE("a written .lp file reads back to nine digits") {

@@ -94,8 +94,7 @@ TEST_CASE("impossible scans and lights are refused") {
 TEST_CASE("an image of another size is refused each time it is asked for") {
   const OlatScan scan("s", lights(2), kSize, {}, [](std::size_t) { return Image(13, 16, 3); });
   for (int i = 0; i < 2; ++i)
-    CHECK(test::says(test::failure_of<core::BadInput>([&] { scan.image(1); }), "light 1", "16x13x3",
-                     "17x13x3"));
+    CHECK(test::says(test::failure_of<core::BadInput>([&] { scan.image(1); }), "light 1", "16x13x3", "17x13x3"));
 }
 
 TEST_CASE("what a loader throws reaches the caller, and the next try loads again") {
@@ -140,8 +139,7 @@ TEST_CASE("threads that ask for one image at a time share one load") {
   });
   std::vector<std::thread> threads;
   std::atomic<int> right{0};
-  for (int t = 0; t < 8; ++t)
-    threads.emplace_back([&] { right += *scan.image(1) == picture(1, kSize) ? 1 : 0; });
+  for (int t = 0; t < 8; ++t) threads.emplace_back([&] { right += *scan.image(1) == picture(1, kSize) ? 1 : 0; });
   for (std::thread& t : threads) t.join();
   CHECK(right == 8);
   CHECK(loads == 1);
@@ -153,17 +151,15 @@ TEST_CASE("a loader may use threads itself while others wait for its image") {
       "s", lights(3), kSize, {},
       [&](std::size_t i) {
         Image image = picture(i, kSize);
-        core::parallel_for(64, 1, [](std::size_t, std::size_t) {
-          std::this_thread::sleep_for(std::chrono::microseconds(200));
-        });
+        core::parallel_for(
+            64, 1, [](std::size_t, std::size_t) { std::this_thread::sleep_for(std::chrono::microseconds(200)); });
         return image;
       },
       kBytes);
   // Every range asks for the same few images: a thread inside a load must not be handed work that waits for
   // that load.
   std::atomic<int> right{0};
-  core::parallel_for(
-      200, 1, [&](std::size_t i, std::size_t) { right += scan.image(i % 3)->size() == kSize ? 1 : 0; });
+  core::parallel_for(200, 1, [&](std::size_t i, std::size_t) { right += scan.image(i % 3)->size() == kSize ? 1 : 0; });
   CHECK(right == 200);
   core::set_thread_count(0);
 }

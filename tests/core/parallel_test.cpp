@@ -31,8 +31,7 @@ Ranges ranges_of(std::size_t count, std::size_t grain) {
 }  // namespace
 
 TEST_CASE("ranges cover everything once and are the same for every thread count") {
-  for (const auto& [count, grain] :
-       {std::pair{0, 4}, {1, 4}, {4, 4}, {5, 4}, {1009, 17}, {3, 1000}, {7, 0}}) {
+  for (const auto& [count, grain] : {std::pair{0, 4}, {1, 4}, {4, 4}, {5, 4}, {1009, 17}, {3, 1000}, {7, 0}}) {
     core::set_thread_count(1);
     const Ranges alone = ranges_of(std::size_t(count), std::size_t(grain));
     std::size_t next = 0;

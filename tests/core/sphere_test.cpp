@@ -27,8 +27,7 @@ core::Vec3 sum_of(const std::vector<Direction>& directions) {
 double smallest_spacing(const std::vector<Direction>& directions) {
   double smallest = kPi;
   for (std::size_t i = 0; i < directions.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j)
-      smallest = std::min(smallest, angle_radians(directions[i], directions[j]));
+    for (std::size_t j = 0; j < i; ++j) smallest = std::min(smallest, angle_radians(directions[i], directions[j]));
   return smallest;
 }
 
@@ -40,11 +39,9 @@ TEST_CASE("Fibonacci directions are spread evenly from +y to -y") {
   for (const std::size_t n : {2U, 7U, 331U, 2000U}) {
     const std::vector<Direction> d = core::fibonacci_directions(n);
     REQUIRE(d.size() == n);
-    CHECK(std::is_sorted(d.begin(), d.end(),
-                         [](const Direction& a, const Direction& b) { return a.y() > b.y(); }));
+    CHECK(std::is_sorted(d.begin(), d.end(), [](const Direction& a, const Direction& b) { return a.y() > b.y(); }));
     // Even bands of area: y runs in equal steps.
-    for (std::size_t i = 0; i < n; ++i)
-      CHECK(d[i].y() == Approx(1 - (2.0 * double(i) + 1) / double(n)).margin(1e-14));
+    for (std::size_t i = 0; i < n; ++i) CHECK(d[i].y() == Approx(1 - (2.0 * double(i) + 1) / double(n)).margin(1e-14));
   }
   const std::vector<Direction> many = core::fibonacci_directions(2000);
   CHECK(core::norm(sum_of(many)) < 1);
@@ -95,8 +92,8 @@ TEST_CASE("nearest indices agree with sorting everything") {
       return core::norm(d[a].vec() - query.vec()) < core::norm(d[b].vec() - query.vec());
     });
     for (const std::size_t k : {0U, 1U, 8U, 204U, 205U, 500U}) {
-      const std::vector<std::size_t> expected(
-          order.begin(), order.begin() + std::ptrdiff_t(std::min<std::size_t>(k, d.size())));
+      const std::vector<std::size_t> expected(order.begin(),
+                                              order.begin() + std::ptrdiff_t(std::min<std::size_t>(k, d.size())));
       CHECK(core::nearest_indices(d, query, k) == expected);
     }
   }
@@ -107,9 +104,7 @@ TEST_CASE("nearest indices agree with sorting everything") {
 }
 
 TEST_CASE("lights closer than a dot product can tell are still put in order") {
-  const auto tilted = [](double angle) {
-    return Direction::from_vector({std::sin(angle), 0, std::cos(angle)});
-  };
+  const auto tilted = [](double angle) { return Direction::from_vector({std::sin(angle), 0, std::cos(angle)}); };
   const std::vector<Direction> d{tilted(3e-9), tilted(1e-9), tilted(-2e-9)};
   CHECK(core::nearest_indices(d, Direction(), 3) == std::vector<std::size_t>{1, 2, 0});
 }

@@ -3,6 +3,8 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
+#include "core/nearest_name.h"
+
 using namespace lightstage;
 
 TEST_CASE("numbers are parsed whole or not at all") {
@@ -35,8 +37,11 @@ TEST_CASE("numbers are written with as many digits as asked for") {
 TEST_CASE("the nearest name is found, and none when none is near") {
   const std::vector<std::string> names{"relight", "evaluate", "train", "trial"};
   CHECK(core::nearest_name("relihgt", names) == "relight");
-  CHECK(core::nearest_name("trian", names) == "train");  // trial is as near and comes later
+  CHECK(core::nearest_name("trian", names) == "train");  // one swap; trial is one substitution further
   CHECK(core::nearest_name("evalute", names) == "evaluate");
-  CHECK_FALSE(core::nearest_name("capture", names).has_value());
-  CHECK_FALSE(core::nearest_name("x", {}).has_value());
+  CHECK(core::nearest_name("zebra", names).empty());
+  CHECK(core::nearest_name("x", {}).empty());
+  CHECK(core::nearest_name(std::string(1000, 'x'), names).empty());
+  CHECK(core::did_you_mean("trian", names) == " (did you mean 'train'?)");
+  CHECK(core::did_you_mean("zebra", names).empty());
 }
