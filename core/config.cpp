@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
-#include "core/text.h"
+#include "core/nearest_name.h"
 
 namespace lightstage::core {
 
@@ -164,8 +164,7 @@ std::vector<std::string> TomlTable::strings(std::string_view key) const {
   return values;
 }
 
-std::vector<std::string> TomlTable::strings(std::string_view key,
-                                            std::vector<std::string> default_value) const {
+std::vector<std::string> TomlTable::strings(std::string_view key, std::vector<std::string> default_value) const {
   return has(key) ? strings(key) : default_value;
 }
 
@@ -198,9 +197,8 @@ void TomlTable::finish() const {
   const Node& owner = *unknown->owner;
   const std::string key(unknown->key->str());
   const std::vector<std::string> known(owner.asked.begin(), owner.asked.end());
-  const std::optional<std::string> meant = nearest_name(key, known);
   throw BadInput(owner.source_name + ":" + std::to_string(unknown->key->source().begin.line) + ": key '" +
-                 owner.prefix + key + "' is not known" + (meant ? "; did you mean '" + *meant + "'?" : ""));
+                 owner.prefix + key + "' is not known" + did_you_mean(key, known));
 }
 
 void TomlTable::fail(std::string_view key, const std::string& problem) const {

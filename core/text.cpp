@@ -1,8 +1,6 @@
 #include "core/text.h"
 
-#include <algorithm>
 #include <charconv>
-#include <numeric>
 #include <system_error>
 
 namespace lightstage::core {
@@ -16,22 +14,6 @@ std::optional<T> parse(std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
   return value;
-}
-
-// Levenshtein distance, one row at a time.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t(0));
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, row[j + 1] + 1});
-    }
-  }
-  return row.back();
 }
 
 }  // namespace
@@ -65,24 +47,6 @@ std::string number_text(double value, int significant_digits) {
   const auto [end, error] =
       std::to_chars(buffer, buffer + sizeof buffer, value, std::chars_format::general, significant_digits);
   return error == std::errc() ? std::string(buffer, end) : std::to_string(value);
-}
-
-std::optional<std::string> nearest_name(std::string_view name, std::span<const std::string> candidates) {
-  std::size_t limit = std::max<std::size_t>(1, name.size() / 3) + 1;
-  const std::string* nearest = nullptr;
-  for (const std::string& candidate : candidates) {
-    const std::size_t distance = edit_distance(name, candidate);
-    if (distance < limit) {
-      limit = distance;
-      nearest = &candidate;
-    }
-  }
-  return nearest != nullptr ? std::optional(*nearest) : std::nullopt;
-}
-
-std::string did_you_mean(std::string_view name, std::span<const std::string> candidates) {
-  const std::optional<std::string> nearest = nearest_name(name, candidates);
-  return nearest ? " (did you mean '" + *nearest + "'?)" : std::string();
 }
 
 }  // namespace lightstage::core

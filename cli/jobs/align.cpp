@@ -82,7 +82,7 @@ class CameraAlignment {
         report.residual_after += after;
         ++report.tracking_frames;
       }
-      product.images.push_back({.role = alignment_role(scan_, "flow", camera_), .index = frame.step_index,
+      product.images.push_back({.role = "flow", .index = frame.step_index,
                                 .object = store_.put_object(flow), .value = after});
       motion_.add(time, std::move(flow));
       progress.advance();
@@ -109,7 +109,7 @@ class CameraAlignment {
       });
       for (std::size_t i = begin; i < end; ++i) {
         const db::Frame& frame = light_frames_[i];
-        product.images.push_back({.role = alignment_role(scan_, "aligned", camera_), .index = frame.step_index,
+        product.images.push_back({.role = "aligned", .index = frame.step_index,
                                   .object = store_.put_object(pictures[i - begin]),
                                   .value = residual_at(points_, pose_time(scan_, frame))});
         ++report.aligned;
@@ -130,21 +130,16 @@ class CameraAlignment {
 
 }  // namespace
 
-std::string alignment_role(const db::Scan& scan, const std::string& kind, const std::string& camera) {
-  return camera == scan.cameras.front() ? kind : kind + ":" + camera;
-}
-
 core::Nanoseconds pose_time(const db::Scan& scan, const db::Frame& frame) {
   return frame.timestamp_ns + scan.steps.at(std::size_t(frame.step_index)).exposure_ns / 2;
 }
 
 align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, const db::Product& alignment,
                                  const std::string& camera) {
-  const std::string role = alignment_role(scan, "flow", camera);
   const std::vector<db::Frame> frames = store.frames(scan.id, camera);
   align::MotionTrack motion;
   for (const db::ProductImage& image : alignment.images) {
-    if (image.role != role) continue;
+    if (image.role != "flow") continue;
     const auto frame = std::find_if(frames.begin(), frames.end(),
                                     [&](const db::Frame& f) { return f.step_index == image.index; });
     if (frame != frames.end()) motion.add(pose_time(scan, *frame), store.object(image.object));
@@ -159,17 +154,19 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
     throw core::UsageError("scan '" + scan.name + "' has no tracking frames to align by; capture with --tracking-every");
   }
   AlignReport report;
-  db::NewProduct product;
-  product.kind = "alignment";
-  product.scan_id = scan.id;
-  product.parameters = nlohmann::ordered_json{{"preset", int(options.preset)}}.dump();
-  product.input_scans = {scan.id};
-  for (const std::string& camera : scan.cameras) CameraAlignment(store, scan, camera, options).run(product, report);
+  for (const std::string& camera : scan.cameras) {
+    db::NewProduct product;
+    product.kind = "alignment";
+    product.scan_id = scan.id;
+    product.parameters = nlohmann::ordered_json{{"camera", camera}, {"flow", int(options.preset)}}.dump();
+    product.input_scans = {scan.id};
+    CameraAlignment(store, scan, camera, options).run(product, report);
+    store.add_product(product);
+  }
   if (report.tracking_frames > 0) {
     report.residual_before /= double(report.tracking_frames);
     report.residual_after /= double(report.tracking_frames);
   }
-  report.alignment_id = store.add_product(product);
   return report;
 }
 

@@ -15,9 +15,8 @@ struct AlignOptions {
 };
 
 struct AlignReport {
-  db::Id alignment_id = 0;
   std::size_t aligned = 0;         // frames
-  std::size_t tracking_frames = 0;
+  std::size_t tracking_frames = 0;   // key frames not counted
   double median_motion_px = 0;     // over the tracking frames' medians
   double largest_motion_px = 0;
   double residual_before = 0;      // mean over tracking frames, display values
@@ -25,18 +24,14 @@ struct AlignReport {
 };
 
 // For every camera: flow from the key frame to each tracking frame, linear in time between them, and each light's frame warped to the key
-// pose. Stored as one "alignment" product: images of role "aligned" (index: step; value: residual of the
-// tracking frames around it, in proportion of time) and "flow" (index: tracking step). The roles of the second and further cameras carry
-// the camera's name: "aligned:left". Throws UsageError for a scan without tracking frames.
+// pose. Stored as an "alignment" product a camera: images of role "aligned" (index: step; value: residual of the tracking frames
+// around it, in proportion of time) and "flow" (index: tracking step). Throws UsageError for a scan without tracking frames.
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options);
-
-// The role of a camera's images in an alignment; the first camera's carry no name.
-std::string alignment_role(const db::Scan& scan, const std::string& kind, const std::string& camera);
 
 // Middle of a frame's exposure: the time whose pose the picture shows.
 core::Nanoseconds pose_time(const db::Scan& scan, const db::Frame& frame);
 
-// The motion that an alignment found, for one camera.
+// The motion that an alignment found.
 align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, const db::Product& alignment,
                                  const std::string& camera);
 

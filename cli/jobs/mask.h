@@ -5,8 +5,8 @@
 
 namespace lightstage::cli {
 
-// Finds the subject in the key frame of every camera (capture::key_step) and stores it as a "mask" product; the masks of
-// several cameras are one product, told apart by index (order of the cameras). Does nothing where the sequence has no frame under full light.
+// Finds the subject in the key frame of every camera (capture::key_step) and stores a "mask" product for each. Does nothing where
+// the sequence has no frame under full light.
 void store_subject_masks(db::Store& store, const db::Scan& scan);
 
 }  // namespace lightstage::cli

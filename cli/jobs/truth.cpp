@@ -96,10 +96,9 @@ SimulatedTruth::CalibrationError SimulatedTruth::calibration_error(const db::Loa
 }
 
 SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& store) const {
-  const auto alignment = store.newest_product("alignment", scan_.id);
+  const auto alignment = store.newest_product("alignment", scan_, camera_.name);
   if (!alignment) throw core::UsageError("scan '" + scan_.name + "' is not aligned; run `lightstage align " + scan_.name + "`");
   const align::MotionTrack motion = stored_motion(store, scan_, *alignment, camera_.name);
-  const std::string role = alignment_role(scan_, "aligned", camera_.name);
   const std::vector<db::Frame> frames = store.frames(scan_.id, camera_.name);
   const core::Image dark = db::dark_level(store, scan_, camera_.name);
   const core::Image mask = world_.coverage(camera_.model, key_time_);
@@ -111,7 +110,7 @@ SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& 
   for (const db::ProductImage& image : alignment->images) {
     core::throw_if_interrupted();
     progress.advance();
-    if (image.role != role) continue;
+    if (image.role != "aligned") continue;
     const auto frame = std::find_if(frames.begin(), frames.end(),
                                     [&](const db::Frame& f) { return f.step_index == image.index; });
     const core::Nanoseconds time = pose_time(scan_, *frame);
