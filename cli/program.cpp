@@ -8,7 +8,7 @@
 
 #include "cli/commands.h"
 #include "core/error.h"
-#include "core/nearest_name.h"
+#include "core/text.h"
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "core/version.h"

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
-#include "core/nearest_name.h"
+#include "core/text.h"
 
 namespace lightstage::core {
 

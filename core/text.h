@@ -1,8 +1,9 @@
-// Small text: trimming, splitting, and numbers that do not depend on the locale.
+// Small text: trimming, numbers that do not depend on the locale, and the name a user probably meant.
 #pragma once
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -22,5 +23,12 @@ std::optional<std::int64_t> parse_integer(std::string_view text);
 
 // The value with the given number of significant digits, in the shortest of plain and scientific notation.
 std::string number_text(double value, int significant_digits = 9);
+
+// The candidate nearest to a misspelt name by edit distance; nothing when none is within a third of the
+// name's length (at least 1). The earliest wins a tie.
+std::optional<std::string> nearest_name(std::string_view name, std::span<const std::string> candidates);
+
+// " (did you mean 'x'?)", or empty when nothing is near: to be put behind a message.
+std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
 
 }  // namespace lightstage::core

@@ -3,7 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
-#include "core/nearest_name.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 

@@ -7,7 +7,7 @@
 #include "capture/stage.h"
 #include "cli/jobs/provenance.h"
 #include "core/error.h"
-#include "core/nearest_name.h"
+#include "core/text.h"
 #include "core/progress.h"
 
 namespace lightstage::cli {

@@ -3,8 +3,6 @@
 #include <catch2/catch.hpp>
 #include <cmath>
 
-#include "core/nearest_name.h"
-
 using namespace lightstage;
 
 TEST_CASE("numbers are parsed whole or not at all") {
@@ -39,9 +37,9 @@ TEST_CASE("the nearest name is found, and none when none is near") {
   CHECK(core::nearest_name("relihgt", names) == "relight");
   CHECK(core::nearest_name("trian", names) == "train");  // one swap; trial is one substitution further
   CHECK(core::nearest_name("evalute", names) == "evaluate");
-  CHECK(core::nearest_name("zebra", names).empty());
-  CHECK(core::nearest_name("x", {}).empty());
-  CHECK(core::nearest_name(std::string(1000, 'x'), names).empty());
+  CHECK(core::nearest_name("zebra", names) == std::nullopt);
+  CHECK(core::nearest_name("x", {}) == std::nullopt);
+  CHECK(core::nearest_name(std::string(1000, 'x'), names) == std::nullopt);
   CHECK(core::did_you_mean("trian", names) == " (did you mean 'train'?)");
   CHECK(core::did_you_mean("zebra", names).empty());
 }
