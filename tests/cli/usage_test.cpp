@@ -1,0 +1,60 @@
+#include <catch2/catch.hpp>
+
+#include "cli/program.h"
+#include "support/support.h"
+
+using namespace lightstage;
+using test::lightstage;
+
+TEST_CASE("every command has help with an example, on stdout, and succeeds") {
+  const test::TemporaryFolder folder;
+  for (const std::string command : {"init", "stage", "capture", "calibrate", "align", "import", "export", "train", "superres",
+                                    "relight", "sky", "evaluate", "store", "doctor", "demo"}) {
+    INFO(command);
+    const test::Outcome help = lightstage(folder / "store", {command, "--help"});
+    CHECK(help.status == 0);
+    CHECK(help.err.empty());
+    CHECK(help.out.find("Example") != std::string::npos);
+    CHECK(help.out.find("lightstage " + command) != std::string::npos);
+  }
+  CHECK(lightstage(folder / "store", {"--help"}).out.find("relight") != std::string::npos);
+  CHECK_FALSE(std::filesystem::exists(folder / "store"));
+}
+
+TEST_CASE("what is misspelt is answered with the nearest name and exit status 2") {
+  const test::TemporaryFolder folder;
+  const auto fails_with = [&](std::vector<std::string> arguments, const std::string& hint) {
+    const test::Outcome outcome = lightstage(folder / "store", std::move(arguments));
+    INFO(outcome.err);
+    CHECK(outcome.status == 2);
+    CHECK(outcome.out.empty());
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    CHECK(outcome.err.find(hint) != std::string::npos);
+  };
+  fails_with({"captrue"}, "no command 'captrue' (did you mean 'capture'?)");
+  fails_with({"store", "verifi"}, "no command 'verifi' (did you mean 'verify'?)");
+  fails_with({"relight", "head", "--lihgt", "0,0,1", "--out", "a.exr"}, "no option '--lihgt' (did you mean '--light'?)");
+  fails_with({"init", "--jsn"}, "(did you mean '--json'?)");
+  fails_with({"superres", "head"}, "--out");
+  fails_with({}, "lightstage --help");
+  fails_with({"stage", "--lights", "-4", "--out", "x.toml"}, "--lights");
+  fails_with({"stage", "--lights", "many", "--out", "x.toml"}, "--lights");
+}
+
+TEST_CASE("the commands that stand on a missing store say how to make one") {
+  const test::TemporaryFolder folder;
+  const test::Outcome outcome = lightstage(folder / "nowhere", {"store", "ls"});
+  CHECK(outcome.status == 5);
+  CHECK(outcome.err.find("nowhere") != std::string::npos);
+  CHECK(outcome.err.find("lightstage init") != std::string::npos);
+}
+
+TEST_CASE("doctor reports what the machine offers") {
+  const test::TemporaryFolder folder;
+  const test::Outcome outcome = lightstage(folder / "store", {"doctor", "--json", "--threads", "1"});
+  CHECK(outcome.status == 0);
+  const auto report = outcome.json();
+  CHECK(report["threads"] == 1);
+  CHECK(report["torch"].get<std::string>().starts_with("1."));
+  CHECK(report["fast_blas"].is_boolean());
+}
