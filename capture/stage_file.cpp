@@ -91,14 +91,16 @@ std::string name(const core::TomlTable& table) {
   return text;
 }
 
+core::Vec3 unit_vector(const core::TomlTable& table, std::string_view key) {
+  const core::Vec3 v = vector(table, key);
+  if (std::abs(norm(v) - 1) > kAxisTolerance) table.fail(key, "is not a unit vector");
+  return v;
+}
+
 core::Mat3 rotation(const core::TomlTable& table) {
-  const core::Vec3 right = vector(table, "right"), down = vector(table, "down"),
-                   forward = vector(table, "forward");
-  const bool orthonormal = std::abs(norm(right) - 1) < kAxisTolerance &&
-                           std::abs(norm(down) - 1) < kAxisTolerance &&
-                           norm(cross(right, down) - forward) < kAxisTolerance;
-  if (!orthonormal)
-    table.fail("forward", "with 'right' and 'down' must be unit vectors, right x down = forward");
+  const core::Vec3 right = unit_vector(table, "right"), down = unit_vector(table, "down");
+  const core::Vec3 forward = unit_vector(table, "forward");
+  if (norm(cross(right, down) - forward) > kAxisTolerance) table.fail("forward", "is not right x down");
   return core::Mat3{{right, down, forward}}.transposed();
 }
 
