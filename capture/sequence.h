@@ -3,6 +3,8 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -20,32 +22,48 @@ struct LightLevel {
 };
 
 struct Sequence {
-  std::vector<db::Step> steps;
+  std::vector<db::Step> steps;                        // step_index is the place in this list
   core::Nanoseconds settle = 2 * core::kMillisecond;  // from switching lights to the trigger
 };
 
 struct OlatOptions {
   std::size_t light_count = 0;
-  int tracking_every = 10;   // a tracking frame before every n-th light and one at the end; 0 for none
-  int dark_frames = 3;       // at the start
-  bool full_on = true;       // one full-on frame after the dark ones
-  core::Nanoseconds exposure = 20 * core::kMillisecond;           // of the single lights
-  core::Nanoseconds full_on_exposure = core::kMillisecond;        // of full-on and tracking frames
+  int tracking_every = 10;  // a tracking frame before every n-th light and one at the end; 0 for none
+  int dark_frames = 3;      // at the start
+  bool full_on = true;      // one full-on frame after the dark ones
+  core::Nanoseconds exposure = 20 * core::kMillisecond;  // of the single lights and the dark frames
+  // Of full-on and tracking frames; if not given, default_full_on_exposure.
+  std::optional<core::Nanoseconds> full_on_exposure;
 };
 
-// Dark frames, a full-on frame, then every light once in the order of its index, with tracking frames between and at both ends.
+// exposure * 3 / light_count (never more than `exposure`): n unit lights all round give a white Lambertian
+// surface radiance n/4 (the mean of max(cos, 0) over the sphere is 1/4), so such frames reach three quarters
+// of what one light head-on gives in `exposure`: as little noise as can be had without clipping.
+core::Nanoseconds default_full_on_exposure(core::Nanoseconds exposure, std::size_t light_count);
+
+// Dark frames, a full-on frame, then every light once in the order of its index, with tracking frames between
+// and at both ends. Throws UsageError for no lights, negative counts, or exposures not within (0, one hour].
 Sequence make_olat_sequence(const OlatOptions& options);
 
-// What the step lights: nothing, one light, all of them, or the step's own pattern.
+// What the step lights: nothing, one light, all of them, or the step's own pattern. Throws BadInput naming
+// the step for a light that is missing, listed twice or not one of `light_count`, and for a level outside [0,
+// 1].
 std::vector<LightLevel> levels(const db::Step& step, std::size_t light_count);
 
-// The step whose pose all others are aligned to: the tracking step nearest the middle of the sequence (the first full-on step
-// where there is none; -1 where there is neither).
+// Step::pattern for these levels: the inverse of levels(), exact.
+std::string pattern_of(std::span<const LightLevel> levels);
+
+// The step whose pose all others are aligned to: the tracking step nearest the middle of the sequence (the
+// first full-on step where there is none; -1 where there is neither).
 int key_step(const std::vector<db::Step>& steps);
 
-// TOML: runs of light steps are written as ranges, everything else as [[step]]. Reading what was written gives the same sequence.
-// Reading throws BadInput with file and line for a light the stage does not have, an exposure that is not positive, a level
-// outside [0, 1].
+// Two steps that light and expose alike; the index is not compared.
+bool same_shot(const db::Step& a, const db::Step& b);
+
+// TOML: a [[step]] each, runs of single lights with rising index as one ("lights = [first, last]"). Reading
+// what was written gives the same sequence, to the nanosecond and bit. Reading throws BadInput with file and
+// line for a light the stage does not have, an exposure outside (0, one hour], a level outside [0, 1], a
+// sequence without steps or with more than a million.
 std::string to_toml(const Sequence& sequence);
 Sequence parse_sequence(std::string_view toml, const std::string& source_name, std::size_t light_count);
 Sequence read_sequence(const std::filesystem::path& path, std::size_t light_count);

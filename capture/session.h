@@ -20,26 +20,39 @@ struct Rig {
 };
 
 struct SessionOptions {
-  int attempts = 4;                                         // tries for a frame before the session gives up
+  int attempts = 4;  // tries for a frame before the session gives up
   core::Nanoseconds frame_timeout = 500 * core::kMillisecond;  // from the end of the exposure
 };
 
 struct SessionReport {
-  std::size_t steps = 0;         // of the sequence
+  std::size_t steps = 0;           // of the sequence
   std::size_t already_stored = 0;  // frames found complete when the session began (resumed)
-  std::size_t stored = 0;        // frames stored now
-  std::size_t retaken = 0;       // frames that needed more than one try
-  std::size_t dropped = 0;       // frames that never came (time-out or gap in the camera's count)
-  std::size_t discarded = 0;     // duplicated, stale or damaged frames thrown away
+  std::size_t stored = 0;          // frames stored now
+  std::size_t retaken = 0;         // frames that needed more than one try
+  std::size_t dropped = 0;         // frames that did not come in time
+  // Frames thrown away: duplicated, stale, damaged, or of a camera that had the step already when another
+  // one's was retaken.
+  std::size_t discarded = 0;
   core::Nanoseconds duration = 0;
 };
 
-// Takes every frame of `scan` that the store does not hold yet: for each step, lights on, settle, trigger, one frame of each
-// camera. A frame belongs to a step only when its time stamp is not before the trigger and its sequence number is new to the
-// camera; anything else is discarded, and missing frames are retaken. Every light is off afterwards on every way out: return,
-// exception, SIGINT, SIGTERM (stops between frames with Interrupted; what was stored stays, and running again resumes).
-// Throws DeviceError when a frame does not come in `attempts` tries, naming step, light and camera.
+// Takes every frame of `scan` that the store does not hold yet: for each step, lights on, settle, trigger,
+// one frame of each camera. A frame belongs to a step only when its time stamp is not before the trigger and
+// its sequence number is higher than all that the camera sent before; anything else is discarded, and missing
+// frames are retaken (with the step's light on, all cameras are triggered, and those that have their frame
+// already are ignored). Lights change only after every frame has come or is given up, so a late frame is
+// turned away by its time stamp. A DeviceError of any device costs one try. Every light is off afterwards on
+// every way out: return, exception, SIGINT, SIGTERM (stops between frames with Interrupted; what was stored
+// stays, and running again resumes). A controller that does not turn its lights off is asked five times.
+// Throws UsageError when the scan in the store has another sequence or other cameras, BadInput when the
+// sequence names lights that the rig does not have (nothing is lit then), and DeviceError when a frame does
+// not come in `attempts` tries, naming step, light, camera and the last trouble.
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options = {});
+
+// When the exposure of the last stored frame ended, on the clock of the session that took it; 0 when nothing
+// is stored. A simulated pass that is resumed goes on from there:
+// clock.sleep_until(end_of_last_exposure(store, scan)).
+core::Nanoseconds end_of_last_exposure(const db::Store& store, const db::Scan& scan);
 
 }  // namespace lightstage::capture

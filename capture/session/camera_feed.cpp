@@ -1,0 +1,58 @@
+#include "capture/session/camera_feed.h"
+
+#include "core/error.h"
+
+namespace lightstage::capture {
+
+namespace {
+// In one go; no driver's queue is longer.
+constexpr std::size_t kMaxUnaskedFrames = 1000;
+}  // namespace
+
+void CameraFeed::set_exposure(core::Nanoseconds exposure) {
+  if (exposure_ == exposure) return;
+  camera_->set_exposure(exposure);
+  exposure_ = exposure;
+}
+
+bool CameraFeed::note(const CameraFrame& frame) {
+  if (last_sequence_number_ && frame.sequence_number <= *last_sequence_number_) return false;
+  // A damaged frame's number may be damaged too: one that is far too high would turn away every frame after
+  // it.
+  if (!frame.damaged) last_sequence_number_ = frame.sequence_number;
+  return true;
+}
+
+std::size_t CameraFeed::flush(core::Nanoseconds now) {
+  std::size_t count = 0;
+  while (const std::optional<CameraFrame> frame = camera_->wait_frame(now)) {
+    note(*frame);
+    check_count(++count);
+  }
+  return count;
+}
+
+CameraFeed::Result CameraFeed::receive(core::Nanoseconds trigger_time, core::Nanoseconds deadline) {
+  Result result;
+  while (std::optional<CameraFrame> frame = camera_->wait_frame(deadline)) {
+    const bool is_this_exposure = note(*frame) && frame->timestamp >= trigger_time;
+    if (is_this_exposure && !frame->damaged) {
+      result.frame = std::move(frame);
+      return result;
+    }
+    check_count(++result.discarded);
+    if (is_this_exposure) {
+      result.damaged = true;
+      return result;
+    }
+  }
+  return result;
+}
+
+void CameraFeed::check_count(std::size_t unasked) const {
+  if (unasked <= kMaxUnaskedFrames) return;
+  throw core::DeviceError("camera '" + name_ +
+                          "' keeps sending frames that nobody asked for; switch it to triggered mode");
+}
+
+}  // namespace lightstage::capture

@@ -1,0 +1,47 @@
+// One camera's frames, told apart: this exposure's, and everything else that a driver may deliver.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "capture/devices.h"
+
+namespace lightstage::capture {
+
+// Remembers the highest sequence number seen, so that a frame is handed on at most once.
+class CameraFeed {
+ public:
+  explicit CameraFeed(Camera& camera) : camera_(&camera), name_(camera.name()) {}
+
+  const std::string& name() const { return name_; }
+
+  // Asks the camera only when it changes.
+  void set_exposure(core::Nanoseconds exposure);
+
+  // Throws away what is queued now; how many frames that was. Throws DeviceError when they never end (a
+  // camera that runs free).
+  std::size_t flush(core::Nanoseconds now);
+
+  struct Result {
+    std::optional<CameraFrame> frame;
+    bool damaged = false;       // the exposure's frame came but is useless: waiting longer is of no use
+    std::size_t discarded = 0;  // duplicated, stale and damaged ones
+  };
+  // The frame of the exposure triggered at `trigger_time`: one that begins no earlier and whose sequence
+  // number is new. Nothing when none came before `deadline`. Throws DeviceError as flush.
+  Result receive(core::Nanoseconds trigger_time, core::Nanoseconds deadline);
+
+ private:
+  // Takes note of the frame's number; true when it is higher than all before.
+  bool note(const CameraFrame& frame);
+  void check_count(std::size_t unasked) const;
+
+  Camera* camera_;
+  std::string name_;
+  std::optional<core::Nanoseconds> exposure_;
+  std::optional<std::int64_t> last_sequence_number_;
+};
+
+}  // namespace lightstage::capture
