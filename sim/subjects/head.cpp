@@ -13,8 +13,7 @@ std::unique_ptr<Subject> make_head(std::uint64_t seed, double height) {
   centre_and_scale(mesh, height, "procedural head");
   const Vec3f after = mesh.positions.front(), far_after = mesh.positions.back();
   const float scale = norm(far_after - after) / norm(far_before - before);
-  return std::make_unique<MeshSubject>(std::move(mesh),
-                                       make_head_skin(shape, {after - before * scale, scale}, seed));
+  return std::make_unique<MeshSubject>(std::move(mesh), make_head_skin(shape, {after - before * scale, scale}, seed));
 }
 
 }  // namespace lightstage::sim

@@ -34,6 +34,8 @@ class HeadShape {
   float eye_radius() const;
   // The middle of the line between the lips.
   Vec3f mouth() const;
+  // To the nearer ear alone.
+  float ear_distance(Vec3f p) const;
   // How deep a point lies under the hair: positive in the hair, negative on bare skin, in centimetres.
   float hair_depth(Vec3f p) const;
 
@@ -41,7 +43,6 @@ class HeadShape {
   float skull(Vec3f p) const;
   float face(Vec3f q) const;  // q: mirrored to x >= 0
   float nose(Vec3f q) const;
-  float ear(Vec3f q) const;
 
   HeadTraits traits_;
   Noise noise_;

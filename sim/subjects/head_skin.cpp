@@ -5,11 +5,6 @@
 namespace lightstage::sim {
 namespace {
 
-float smooth_step(float low, float high, float x) {
-  const float t = std::clamp((x - low) / (high - low), 0.0F, 1.0F);
-  return t * t * (3 - 2 * t);
-}
-
 // Colours of a person, linear.
 struct Palette {
   explicit Palette(std::uint64_t seed) {
@@ -50,28 +45,27 @@ class HeadSkin : public Appearance {
       paint_eye(from_eye, p, sample);
       return;
     }
-    const float hair = smooth_step(-0.15F, 0.35F, shape_.hair_depth(p)) * (ear_region(q) ? 0.0F : 1.0F);
-    paint_skin(p, q, sample);
+    const float ear = smooth_step(0.3F, 0.1F, shape_.ear_distance(p));
+    const float hair = smooth_step(-0.15F, 0.35F, shape_.hair_depth(p)) * (1 - ear);
+    paint_skin(p, q, ear, sample);
     if (hair > 0) paint_hair(p, hair, sample);
   }
 
  private:
-  static bool ear_region(Vec3f q) { return q.x > 7.2F && q.y < 2.6F && q.z > -4.0F && q.z < 2.0F; }
-
   void paint_eye(Vec3f from_eye, Vec3f p, SurfaceSample& sample) const {
     // Both eyes look at the primary camera, which is far away.
     const float off_axis = std::hypot(from_eye.x, from_eye.y) / shape_.eye_radius();
-    const Vec3f white = Vec3f(0.62F, 0.58F, 0.55F) * (1 - 0.2F * smooth_step(0.6F, 1, off_axis));
-    const float fibres = 1 + 0.35F * noise_(Vec3f(std::atan2(from_eye.y, from_eye.x) * 6, off_axis * 5,
-                                                  p.x > 0 ? 3.0F : 8.0F));
+    const Vec3f white = Vec3f(0.52F, 0.48F, 0.45F) * (1 - 0.2F * smooth_step(0.6F, 1, off_axis));
+    const float angle = std::atan2(from_eye.y, from_eye.x);
+    const float fibres = 1 + 0.35F * noise_({angle * 6, off_axis * 5, p.x > 0 ? 3.0F : 8.0F});
     const Vec3f iris = palette_.iris * fibres * (1 - 0.6F * smooth_step(0.40F, 0.48F, off_axis));
-    sample.albedo =
-        lerp(iris, white, smooth_step(0.46F, 0.51F, off_axis)) * smooth_step(0.16F, 0.20F, off_axis);
+    const float pupil = smooth_step(0.20F, 0.16F, off_axis);
+    sample.albedo = lerp(iris, white, smooth_step(0.46F, 0.51F, off_axis)) * (1 - 0.95F * pupil);
     sample.alpha = 0.07F;
     sample.f0 = 0.035F;
   }
 
-  void paint_skin(Vec3f p, Vec3f q, SurfaceSample& sample) const {
+  void paint_skin(Vec3f p, Vec3f q, float ear, SurfaceSample& sample) const {
     const HeadTraits& t = shape_.traits();
     const float blotches = noise_.octaves(p * 0.55F, 3);
     const float pores = noise_(p * 5.3F) + 0.6F * noise_(p * 9.1F);
@@ -81,8 +75,7 @@ class HeadSkin : public Appearance {
     const Vec3f mouth = shape_.mouth();
     const float cheek = std::exp(-0.25F * (dot(q - Vec3f(4.0F, -3.3F, 7.3F), q - Vec3f(4.0F, -3.3F, 7.3F))));
     const float nose = smooth_step(9.4F, 11.0F, p.z);
-    const float flush =
-        0.25F * std::min(cheek + nose + (ear_region(q) ? 0.8F : 0.0F), 1.0F) * (1 + 0.4F * blotches);
+    const float flush = 0.25F * std::min(cheek + nose + 0.8F * ear, 1.0F) * (1 + 0.4F * blotches);
     colour = colour * Vec3f(1 + 0.25F * flush, 1 - 0.55F * flush, 1 - 0.5F * flush);
 
     // Freckles: where a noise peaks, mostly across cheeks and nose.
@@ -99,15 +92,14 @@ class HeadSkin : public Appearance {
     // Lips.
     const float wide = 2.5F * t.mouth_width;
     const float along = std::clamp(q.x / wide, 0.0F, 1.0F);
-    const float upper =
-        0.86F * t.lip_fullness * (1 - along * along) + 0.10F * std::sin(std::min(q.x * 2.2F, 3.1F));
+    const float upper = 0.86F * t.lip_fullness * (1 - along * along) + 0.10F * std::sin(std::min(q.x * 2.2F, 3.1F));
     const float lower = 1.06F * t.lip_fullness * (1 - along * along);
     const float height = p.y - mouth.y;
     const float beyond = height > 0 ? height - upper : -height - lower;
-    const float lips = smooth_step(0.12F, -0.12F, beyond) * smooth_step(7.0F, 7.6F, p.z) *
-                       smooth_step(1.05F, 0.95F, q.x / wide);
-    const Vec3f lip_colour = palette_.skin * Vec3f(0.85F, 0.85F - 0.55F * palette_.lip_redness,
-                                                   0.85F - 0.45F * palette_.lip_redness);
+    const float lips =
+        smooth_step(0.12F, -0.12F, beyond) * smooth_step(7.0F, 7.6F, p.z) * smooth_step(1.05F, 0.95F, q.x / wide);
+    const Vec3f lip_colour =
+        palette_.skin * Vec3f(0.85F, 0.85F - 0.55F * palette_.lip_redness, 0.85F - 0.45F * palette_.lip_redness);
     colour = lerp(colour, lip_colour * (1 + 0.12F * noise_(Vec3f(p.x * 6, p.y * 1.5F, 0))), 0.85F * lips);
     sample.alpha = sample.alpha * (1 - 0.35F * lips);
 
@@ -119,9 +111,8 @@ class HeadSkin : public Appearance {
 
     // Brows: a tapering arc of short hairs; lashes: a dark line along the lids.
     const float arch = 1.95F + 0.35F * std::sin((q.x - 0.8F) * 0.62F) - 0.05F * (q.x - 3) * (q.x - 3);
-    const float thick = 0.42F * smooth_step(5.3F, 2.0F, q.x) * smooth_step(0.7F, 1.4F, q.x) + 0.08F;
-    const float hairs =
-        0.75F + 0.45F * noise_(Vec3f((p.x * (p.x > 0 ? 1.0F : -1.0F) - 0.5F * p.y) * 5, p.y * 2, 0));
+    const float thick = 0.42F * smooth_step(5.3F, 2.0F, q.x) * smooth_step(0.7F, 1.4F, q.x) + 0.03F;
+    const float hairs = 0.75F + 0.45F * noise_(Vec3f((p.x * (p.x > 0 ? 1.0F : -1.0F) - 0.5F * p.y) * 5, p.y * 2, 0));
     const float brow = smooth_step(1.0F, 0.55F, std::abs(p.y - arch) / thick) * smooth_step(5.4F, 4.9F, q.x) *
                        smooth_step(0.7F, 1.2F, q.x) * smooth_step(4.0F, 5.0F, p.z);
     colour = lerp(colour, palette_.hair, std::clamp(brow * hairs, 0.0F, 1.0F) * 0.9F);
@@ -141,9 +132,9 @@ class HeadSkin : public Appearance {
     const Vec3f along{p.x * 3.2F + 0.8F * noise_(p * 0.4F), p.y * 0.8F, p.z * 0.55F};
     const float strands = noise_(along * 1.3F) + 0.6F * noise_(along * 3.1F);
     const Vec3f colour = palette_.hair * (1 + 0.55F * strands);
-    sample.albedo = lerp(
-        sample.albedo,
-        Vec3f(std::max(colour.x, 0.003F), std::max(colour.y, 0.003F), std::max(colour.z, 0.003F)), amount);
+    sample.albedo =
+        lerp(sample.albedo, Vec3f(std::max(colour.x, 0.003F), std::max(colour.y, 0.003F), std::max(colour.z, 0.003F)),
+             amount);
     sample.alpha += (0.33F - sample.alpha) * amount;
     sample.f0 += (0.045F - sample.f0) * amount;
     bend(
@@ -174,8 +165,7 @@ class HeadSkin : public Appearance {
 
 }  // namespace
 
-std::unique_ptr<const Appearance> make_head_skin(const HeadShape& shape, HeadPlacement placement,
-                                                 std::uint64_t seed) {
+std::unique_ptr<const Appearance> make_head_skin(const HeadShape& shape, HeadPlacement placement, std::uint64_t seed) {
   return std::make_unique<HeadSkin>(shape, placement, seed);
 }
 

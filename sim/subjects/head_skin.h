@@ -13,7 +13,6 @@ struct HeadPlacement {
   float scale = 1;
 };
 
-std::unique_ptr<const Appearance> make_head_skin(const HeadShape& shape, HeadPlacement placement,
-                                                 std::uint64_t seed);
+std::unique_ptr<const Appearance> make_head_skin(const HeadShape& shape, HeadPlacement placement, std::uint64_t seed);
 
 }  // namespace lightstage::sim

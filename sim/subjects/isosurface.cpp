@@ -5,7 +5,7 @@
 namespace lightstage::sim {
 namespace {
 
-constexpr int kBlock = 8;  // grid nodes a side of the blocks that are skipped together
+constexpr int kBlock = 4;  // grid nodes a side of the blocks that are skipped together
 constexpr std::uint32_t kNoVertex = ~0u;
 
 // Values of the distance at the nodes of a regular grid.
@@ -24,8 +24,7 @@ class Grid {
 
   int count(std::size_t axis) const { return count_[axis]; }
   std::size_t index(int x, int y, int z) const {
-    return (std::size_t(z) * std::size_t(count_[1]) + std::size_t(y)) * std::size_t(count_[0]) +
-           std::size_t(x);
+    return (std::size_t(z) * std::size_t(count_[1]) + std::size_t(y)) * std::size_t(count_[0]) + std::size_t(x);
   }
   Vec3f node(int x, int y, int z) const { return low_ + Vec3f(float(x), float(y), float(z)) * step_; }
   float value(int x, int y, int z) const { return values_[index(x, y, z)]; }
@@ -44,8 +43,7 @@ class Grid {
         const bool far = std::abs(middle) > reach;
         for (int z = z0; z < z0 + kBlock; ++z) {
           for (int y = y0; y < y0 + kBlock; ++y) {
-            for (int x = x0; x < x0 + kBlock; ++x)
-              values_[index(x, y, z)] = far ? middle : distance(node(x, y, z));
+            for (int x = x0; x < x0 + kBlock; ++x) values_[index(x, y, z)] = far ? middle : distance(node(x, y, z));
           }
         }
       }
@@ -78,11 +76,22 @@ std::optional<Vec3f> cell_vertex(const Grid& grid, int x, int y, int z) {
   return sum * (1 / float(crossings));
 }
 
+// By differences between the corners of a tetrahedron: four values instead of six.
 Vec3f gradient(const std::function<float(Vec3f)>& distance, Vec3f p, float step) {
-  const Vec3f x{step, 0, 0}, y{0, step, 0}, z{0, 0, step};
-  return Vec3f(distance(p + x) - distance(p - x), distance(p + y) - distance(p - y),
-               distance(p + z) - distance(p - z)) *
-         (0.5F / step);
+  constexpr std::array<Vec3f, 4> kCorners{Vec3f(1, -1, -1), Vec3f(-1, -1, 1), Vec3f(-1, 1, -1), Vec3f(1, 1, 1)};
+  Vec3f sum;
+  for (const Vec3f corner : kCorners) sum = sum + corner * distance(p + corner * step);
+  return sum * (0.25F / step);
+}
+
+// Newton's method along the first gradient, for at most half a cell in all: beyond it triangles would fold over.
+Vec3f onto_surface(const std::function<float(Vec3f)>& distance, Vec3f p, float cell_size) {
+  const Vec3f g = gradient(distance, p, 0.1F * cell_size);
+  const float steepness = dot(g, g);
+  if (!(steepness > 1e-3F)) return p;
+  const float most = 0.25F * cell_size / std::sqrt(steepness);
+  for (int step = 0; step < 2; ++step) p = p - g * std::clamp(distance(p) / steepness, -most, most);
+  return p;
 }
 
 }  // namespace
@@ -106,16 +115,7 @@ TriangleMesh isosurface(const std::function<float(Vec3f)>& distance, Box box, fl
   mesh.normals.resize(mesh.positions.size());
   core::parallel_for(mesh.positions.size(), 256, [&](std::size_t first, std::size_t last) {
     for (std::size_t i = first; i < last; ++i) {
-      Vec3f& p = mesh.positions[i];
-      for (int step = 0; step < 3; ++step) {
-        const Vec3f g = gradient(distance, p, 0.1F * cell_size);
-        const float steepness = dot(g, g);
-        if (!(steepness > 1e-3F)) break;
-        const Vec3f move = g * (distance(p) / steepness);
-        const float length = norm(move),
-                    most = 0.25F * cell_size;  // stay in the cell, or triangles fold over
-        p = p - move * (length > most ? most / length : 1);
-      }
+      const Vec3f p = mesh.positions[i] = onto_surface(distance, mesh.positions[i], cell_size);
       // Over half a cell: what is smaller cannot be told from noise by triangles of this size.
       mesh.normals[i] = normalised(gradient(distance, p, 0.5F * cell_size));
     }

@@ -49,8 +49,7 @@ Vec3f look_up(const core::Image& texture, TexturePoint place) {
     const float* p = texture.pixel(row, column);
     return Vec3f(p[0], p[1], p[2]);
   };
-  return lerp(lerp(texel(y0, x0), texel(y0, x1), x - left), lerp(texel(y1, x0), texel(y1, x1), x - left),
-              y - top);
+  return lerp(lerp(texel(y0, x0), texel(y0, x1), x - left), lerp(texel(y1, x0), texel(y1, x1), x - left), y - top);
 }
 
 class FileAppearance : public Appearance {
@@ -100,8 +99,8 @@ core::Image read_texture(const aiScene& scene, const fs::path& mesh_path, const 
   const fs::path temporary =
       fs::temp_directory_path() /
       ("lightstage-texture-" +
-       db::hash_bytes({reinterpret_cast<const std::uint8_t*>(embedded->pcData), embedded->mWidth}).hex() +
-       "." + embedded->achFormatHint);
+       db::hash_bytes({reinterpret_cast<const std::uint8_t*>(embedded->pcData), embedded->mWidth}).hex() + "." +
+       embedded->achFormatHint);
   core::write_file_atomically(temporary, {reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth});
   struct Remove {
     const fs::path& path;
@@ -155,9 +154,7 @@ class Loader {
     }
   }
 
-  [[noreturn]] void fail(const std::string& problem) const {
-    throw core::BadInput(path_.string() + ": " + problem);
-  }
+  [[noreturn]] void fail(const std::string& problem) const { throw core::BadInput(path_.string() + ": " + problem); }
 
   TriangleMesh mesh;
   MeshColours colours;
@@ -194,8 +191,8 @@ void check_file(const fs::path& path, const std::string& hash) {
   if (!fs::is_regular_file(path)) throw core::BadInput(path.string() + ": there is no such mesh file");
   if (hash.empty()) return;
   if (db::hash_file(path) != db::ContentHash::from_hex(hash)) {
-    throw core::BadInput(path.string() + ": the mesh has changed since the scan was captured (its hash was " +
-                         hash + "); put the original file back");
+    throw core::BadInput(path.string() + ": the mesh has changed since the scan was captured (its hash was " + hash +
+                         "); put the original file back");
   }
 }
 

@@ -15,7 +15,6 @@ namespace lightstage::sim {
 // vertices are linear, as its specification says. The mesh is centred and scaled to `height` metres. `seed`
 // chooses its gloss. Throws BadInput naming the file when it is missing or damaged, has no triangles, or has
 // another hash than `hash` (not checked when empty).
-std::unique_ptr<Subject> load_mesh(const std::string& path, const std::string& hash, double height,
-                                   std::uint64_t seed);
+std::unique_ptr<Subject> load_mesh(const std::string& path, const std::string& hash, double height, std::uint64_t seed);
 
 }  // namespace lightstage::sim

@@ -28,8 +28,7 @@ std::optional<SurfaceSample> MeshSubject::sample(core::Vec3 origin, core::Vec3 u
   if (!hit) return std::nullopt;
   const Triangle corners = mesh_.triangles[hit->triangle];
   const MeshPoint point{corners, {1 - hit->u - hit->v, hit->u, hit->v}};
-  const Vec3f p0 = mesh_.positions[corners[0]], p1 = mesh_.positions[corners[1]],
-              p2 = mesh_.positions[corners[2]];
+  const Vec3f p0 = mesh_.positions[corners[0]], p1 = mesh_.positions[corners[1]], p2 = mesh_.positions[corners[2]];
 
   SurfaceSample sample;
   sample.triangle = hit->triangle;

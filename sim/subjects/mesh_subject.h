@@ -17,8 +17,7 @@ class MeshSubject : public Subject {
   // subject that moves by millimetres among lights at a distance of a metre and more, except that shadow
   // edges are as soft as triangles are large. Costs one byte a vertex and light.
   void prepare_visibility(std::span<const Vec3f> lights) override;
-  void visibility(const SurfaceSample& sample, std::span<const int> light_indices,
-                  std::span<float> out) const override;
+  void visibility(const SurfaceSample& sample, std::span<const int> light_indices, std::span<float> out) const override;
 
  private:
   TriangleMesh mesh_;

@@ -37,13 +37,11 @@ struct Disc {
 // A grid of nodes over a disc's square and where the camera sees each reflected.
 class DiscImage {
  public:
-  DiscImage(const core::CameraModel& camera, double ball_radius, const Lamp& lamp, int cells)
-      : cells_(cells) {
+  DiscImage(const core::CameraModel& camera, double ball_radius, const Lamp& lamp, int cells) : cells_(cells) {
     const Disc disc(lamp);
     for (int j = 0; j <= cells; ++j) {
       for (int i = 0; i <= cells; ++i) {
-        const auto on_ball =
-            reflection_point(ball_radius, camera.centre(), disc.point(coordinate(i), coordinate(j)));
+        const auto on_ball = reflection_point(ball_radius, camera.centre(), disc.point(coordinate(i), coordinate(j)));
         nodes_.push_back(on_ball ? camera.project(*on_ball) : std::nullopt);
       }
     }
@@ -51,17 +49,14 @@ class DiscImage {
 
   // Of node i, in [-1, 1].
   double coordinate(int i) const { return 2.0 * i / cells_ - 1; }
-  const std::optional<core::Pixel>& node(int i, int j) const {
-    return nodes_[std::size_t(j * (cells_ + 1) + i)];
-  }
+  const std::optional<core::Pixel>& node(int i, int j) const { return nodes_[std::size_t(j * (cells_ + 1) + i)]; }
 
   // The longest side of a cell's image, in pixels.
   double longest_side() const {
     double longest = 0;
     for (int j = 0; j <= cells_; ++j) {
       for (int i = 0; i < cells_; ++i) {
-        longest =
-            std::max({longest, distance(node(i, j), node(i + 1, j)), distance(node(j, i), node(j, i + 1))});
+        longest = std::max({longest, distance(node(i, j), node(i + 1, j)), distance(node(j, i), node(j, i + 1))});
       }
     }
     return longest;
@@ -88,8 +83,7 @@ void splat(core::Image& image, core::Pixel place, const std::array<double, 3>& f
   }
 }
 
-void add_reflection(core::Image& image, const core::CameraModel& camera, double ball_radius,
-                    const Lamp& lamp) {
+void add_reflection(core::Image& image, const core::CameraModel& camera, double ball_radius, const Lamp& lamp) {
   // Cells under a tenth of a pixel, where they can be: a lamp straight behind the ball is drawn out to a
   // ring.
   constexpr int kCoarse = 4, kMost = 128;
@@ -114,8 +108,7 @@ void add_reflection(core::Image& image, const core::CameraModel& camera, double 
   for (int j = 0; j < cells; ++j) {
     for (int i = 0; i < cells; ++i) {
       const double relative = strength(i, j);
-      const auto &a = disc.node(i, j), &b = disc.node(i + 1, j), &c = disc.node(i + 1, j + 1),
-                 &d = disc.node(i, j + 1);
+      const auto &a = disc.node(i, j), &b = disc.node(i + 1, j), &c = disc.node(i + 1, j + 1), &d = disc.node(i, j + 1);
       if (relative == 0 || !a || !b || !c || !d) continue;
       // Twice a quadrilateral's area is the cross product of its diagonals.
       const double area = 0.5 * std::abs((c->x - a->x) * (d->y - b->y) - (c->y - a->y) * (d->x - b->x));
@@ -160,8 +153,7 @@ std::optional<Vec3> reflection_point(double ball_radius, Vec3 viewer, Vec3 seen)
 void add_reflections(core::Image& image, const core::CameraModel& camera, double ball_radius,
                      std::span<const Lamp> lamps) {
   for (const Lamp& lamp : lamps) {
-    if (lamp.gain[0] > 0 || lamp.gain[1] > 0 || lamp.gain[2] > 0)
-      add_reflection(image, camera, ball_radius, lamp);
+    if (lamp.gain[0] > 0 || lamp.gain[1] > 0 || lamp.gain[2] > 0) add_reflection(image, camera, ball_radius, lamp);
   }
 }
 

@@ -26,8 +26,7 @@ struct MeshPoint {
 
   template <class T>
   T interpolate(const std::vector<T>& values) const {
-    return values[corners[0]] * weights[0] + values[corners[1]] * weights[1] +
-           values[corners[2]] * weights[2];
+    return values[corners[0]] * weights[0] + values[corners[1]] * weights[1] + values[corners[2]] * weights[2];
   }
 };
 
