@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "capture/stage.h"
+#include "core/clock.h"
 
 namespace lightstage::sim {
 
