@@ -34,12 +34,15 @@ struct ReflectedRay {
 };
 std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sphere& ball, core::Pixel pixel);
 
+// A direction less certain than this says no more than the stage's drawing.
+constexpr double kLargestSigmaDegrees = 1;
+
 struct LightEstimate {
   int light_index = 0;
   bool placed = false;
   core::Direction direction;   // from stage centre
   core::Vec3 position;         // metres, on the stage's sphere
-  double sigma_degrees = 0;    // standard error from highlight and outline
+  double sigma_degrees = 0;    // standard error from highlight and outline; 180 where the rim is within it
   std::string reason;          // why it was not placed
 };
 
