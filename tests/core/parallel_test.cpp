@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cstdlib>
 #include <mutex>
 #include <set>
@@ -53,13 +54,16 @@ TEST_CASE("ranges cover everything once and are the same for every thread count"
 TEST_CASE("as many threads work at once as were asked for, even more than there are processors") {
   for (const int threads : {2, 4}) {
     core::set_thread_count(threads);
+    // Everybody waits inside until as many are there as there should be; a missing thread shows as a time-out.
     std::atomic<int> inside{0}, most{0};
+    const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(20);
     core::parallel_for(64, 1, [&](std::size_t, std::size_t) {
       const int now = ++inside;
       int seen = most.load();
       while (seen < now && !most.compare_exchange_weak(seen, now)) {
       }
-      std::this_thread::sleep_for(std::chrono::milliseconds(3));
+      while (most < threads && std::chrono::steady_clock::now() < deadline)
+        std::this_thread::sleep_for(std::chrono::microseconds(100));
       --inside;
     });
     CHECK(most == threads);
