@@ -1,12 +1,15 @@
-// The store: a folder with a SQLite catalogue (store.sqlite) and content-addressed EXR objects (objects/ab/abcdef….exr).
+// The store: a folder with a SQLite catalogue (store.sqlite) and content-addressed EXR objects
+// (objects/ab/abcdef….exr).
 //
-// What is acknowledged is kept: put_frame returns only after the object is synced and its row committed. Every derived thing
-// (mask, calibration, alignment, weights, virtual stage, picture) is a product row with its inputs, parameters and the program's
-// version, so that any picture can be traced to the frames it came from.
+// What is acknowledged is kept: put_frame returns only after the object is synced and its row committed.
+// Every derived thing (mask, calibration, alignment, weights, virtual stage, picture) is a product row with
+// its inputs, parameters and the program's version, so that any picture can be traced to the frames it came
+// from.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -24,7 +27,8 @@ using Id = std::int64_t;  // a database key; 0 is never one
 enum class ScanKind { kOlat, kMirrorBall, kGreyBall, kChessboard, kImported, kVirtual };
 std::string_view to_string(ScanKind kind);
 
-// What a step lights: one light, all lights for tracking motion, all lights, nothing, or a pattern of its own.
+// What a step lights: one light, all lights for tracking motion, all lights, nothing, or a pattern of its
+// own.
 enum class StepKind { kLight, kTracking, kFullOn, kDark, kPattern };
 std::string_view to_string(StepKind kind);
 
@@ -32,16 +36,17 @@ std::string_view to_string(StepKind kind);
 struct Step {
   int step_index = 0;
   StepKind kind = StepKind::kLight;
-  std::optional<int> light_index;  // for kLight: counts from 0 in the stage's list of lights
-  std::int64_t exposure_ns = 0;    // 0 for imported pictures
-  std::string pattern;             // for kPattern: JSON [[light_index, r, g, b], ...]; else empty
+  std::optional<int> light_index = std::nullopt;  // for kLight: counts from 0 in the stage's list of lights
+  std::int64_t exposure_ns = 0;                   // 0 for imported pictures
+  std::string pattern = {};  // for kPattern: JSON [[light_index, r, g, b], ...]; else empty
 };
 
 struct NewScan {
-  std::string name;          // unique in the store; letters, digits, '-', '_' and '.', not starting with '.'
+  std::string name;  // unique in the store; letters, digits, '-', '_' and '.', not starting with '.'
   ScanKind kind = ScanKind::kOlat;
-  std::string stage_key;     // scans with one key stand on the same lights: a calibration of one serves all
-  std::string provenance;    // JSON: everything needed to know how it came about (stage, sequence, simulation, source files)
+  std::string stage_key;   // scans with one key stand on the same lights: a calibration of one serves all
+  std::string provenance;  // JSON: everything needed to know how it came about (stage, sequence, simulation,
+                           // source files); empty stands for {}
   std::vector<std::string> cameras;  // names, unique in the scan
   std::vector<Step> steps;
 };
@@ -58,8 +63,8 @@ struct NewFrame {
   int step_index = 0;
   std::int64_t timestamp_ns = 0;
   std::int64_t sequence_number = 0;
-  int attempt = 1;           // 1 for the first try, more for retakes
-  double saturation = 0;     // the value at which the sensor clips, in the image's units; 0 when unknown
+  int attempt = 1;        // 1 for the first try, more for retakes
+  double saturation = 0;  // the value at which the sensor clips, in the image's units; 0 when unknown
 };
 
 struct Frame : NewFrame {
@@ -69,18 +74,19 @@ struct Frame : NewFrame {
 
 // An image that belongs to a product, such as one aligned frame.
 struct ProductImage {
-  std::string role;          // "mask", "aligned", "weights_preview", ...
-  int index = 0;             // step_index for "aligned"
+  std::string role;  // "mask", "aligned", "weights_preview", ...
+  int index = 0;     // step_index for "aligned"
   ContentHash object;
-  double value = 0;          // a figure of merit, such as the alignment residual
+  double value = 0;  // a figure of merit, such as the alignment residual
 };
 
 struct NewProduct {
-  std::string kind;          // "mask", "calibration", "alignment", "weights", "virtual_stage", "picture"
-  std::string name;          // may be empty; unique per kind where not empty
-  std::optional<Id> scan_id;   // the scan it describes
-  std::string stage_key;     // for calibrations: the stage it describes
-  std::string parameters;    // JSON
+  std::string kind;           // "mask", "calibration", "alignment", "weights", "virtual_stage", "picture"
+  std::string name;           // may be empty; unique per kind where not empty
+  std::optional<Id> scan_id;  // the scan it describes
+  std::string stage_key;      // for calibrations: the stage it describes
+  std::string parameters;     // JSON, empty stands for {}; a mask or alignment of a scan with several cameras
+                           // says which one it is for: {"camera": NAME} (without: the scan's first)
   std::vector<Id> input_scans;
   std::vector<Id> input_products;
   std::vector<ProductImage> images;
@@ -106,16 +112,19 @@ struct VerifyReport {
   std::size_t frames = 0;
   std::size_t objects = 0;
   std::vector<std::string> errors;  // one line each, naming scan, step and camera, or the object
+  std::vector<std::string>
+      notes;  // harmless: objects that nothing refers to (a crash or remove_scan leaves them), stray files
 };
 
-// One connection to one store; use one per thread. Functions throw StoreError (with the store's path) when the
-// database or disk fails, and UsageError for names that do not exist (with the nearest name) or exist already.
+// One connection to one store; use one per thread. Functions throw StoreError (with the store's path) when
+// the database or disk fails, and UsageError for names that do not exist (with the nearest name) or exist
+// already.
 class Store {
  public:
   // Makes the folder and an empty store; UsageError when one is there already.
   static Store create(const std::filesystem::path& folder);
-  // Opens an existing one and migrates older schemas. StoreError for a newer schema (the store is not touched), for a
-  // missing store (saying how to make one) and for a file that is no store.
+  // Opens an existing one and migrates older schemas. StoreError for a newer schema (the store is not
+  // touched), for a missing store (saying how to make one) and for a file that is no store.
   static Store open(const std::filesystem::path& folder);
 
   Store(Store&&) noexcept;
@@ -124,43 +133,67 @@ class Store {
 
   const std::filesystem::path& folder() const;
 
+  // Runs `work` in one transaction: what it adds through this store becomes durable and visible to others all
+  // at once when it returns, and nothing of it stays when it throws (objects' files apart, which are
+  // harmless). May be nested. Other writers wait meanwhile, so put objects first and add only rows in here.
+  void atomically(const std::function<void()>& work);
+
   // --- scans
-  Id add_scan(const NewScan& scan);  // the scan, its cameras and its steps in one transaction
+  // The scan, its cameras and its steps in one transaction. UsageError for a name that is taken or not
+  // allowed, BadInput for steps or JSON that make no sense.
+  Id add_scan(const NewScan& scan);
+  // Throws what add_scan would for this name: to know before long work.
+  void require_free_name(const std::string& name) const;
   Scan scan(std::string_view name) const;
   Scan scan(Id id) const;
   std::optional<Scan> find_scan(std::string_view name) const;
-  std::vector<Scan> scans() const;   // in order of creation
-  // Removes the scan with its frames and products' rows; objects that nothing refers to any more stay on disk.
-  // For undoing an import or capture that failed before its first frame was acknowledged, and for `store rm`.
+  std::vector<Scan> scans() const;  // in order of creation
+  // Removes the scan with its frames and products' rows; objects that nothing refers to any more stay on
+  // disk. UsageError when something else was made from it (weights, another scan's product), which would lose
+  // its origin. For undoing an import or capture that failed before its first frame was acknowledged, and for
+  // `store rm`.
   void remove_scan(Id scan_id);
 
   // --- frames
-  // Writes the image as an object and commits the frame's row, replacing a frame of the same scan, camera and step
-  // (a retake). Throws BadInput for a non-finite image, a step or camera the scan does not have, or a size that
-  // differs from the camera's other frames.
+  // Writes the image as an object and commits the frame's row, replacing a frame of the same scan, camera and
+  // step (a retake). Throws BadInput for a non-finite image, a step or camera the scan does not have, or a
+  // size that differs from the camera's other frames.
   Id put_frame(const NewFrame& frame, core::ImageView image);
+  // The row alone, for an object that put_object has stored. Throws as put_frame.
+  Id add_frame(const NewFrame& frame, const ContentHash& object);
   std::vector<Frame> frames(Id scan_id, std::string_view camera) const;  // in order of step
   std::vector<Frame> frames(Id scan_id) const;                           // in order of step, then camera
 
   // --- objects
-  // Stores an image (half floats, clamped to +-65504) and returns its name; writing the same image twice keeps one.
+  // Stores an image (half floats, clamped to +-65504) and returns its name; writing the same image twice
+  // keeps one (and mends it, should the one on disk be damaged). Throws BadInput for an image that is empty,
+  // not finite or has more than 4 channels.
   ContentHash put_object(core::ImageView image);
   // StoreError naming the object when it is missing or its bytes do not match the name.
   core::Image object(const ContentHash& hash) const;
+  core::ImageSize object_size(const ContentHash& hash) const;  // from the catalogue
   std::filesystem::path object_path(const ContentHash& hash) const;
 
   // --- products
+  // UsageError when the kind has one of that name already; BadInput for parameters that are not JSON or
+  // figures that are not finite.
   Id add_product(const NewProduct& product);
+  // A product of kind "calibration" with its lights. BadInput for a light listed twice or a gain that is not
+  // positive.
   Id add_calibration(const NewProduct& product, const std::vector<CalibratedLight>& lights);
-  std::vector<Product> products(std::string_view kind) const;            // oldest first
+  std::vector<Product> products(std::string_view kind) const;  // oldest first
   std::optional<Product> newest_product(std::string_view kind, Id scan_id) const;
+  // The newest one that is for this camera, as NewProduct::parameters says.
+  std::optional<Product> newest_product(std::string_view kind, const Scan& scan,
+                                        std::string_view camera) const;
   std::optional<Product> product(std::string_view kind, std::string_view name) const;
   std::optional<Product> newest_calibration(std::string_view stage_key) const;
   std::vector<CalibratedLight> calibrated_lights(Id calibration_id) const;  // in order of light_index
 
-  // Checks the schema, foreign keys, every object's bytes against its name, that every frame has its object and every object an
-  // owner, and that the step table agrees with the pixels: a frame lit by one light must resemble the frames of the
-  // neighbouring lights more than those of the far side (swapped or missing frames stand out). Reads every object once.
+  // Checks the schema, foreign keys, every object's bytes against its name, that everything named in the
+  // catalogue is there, that every step has its frame, and that the step table agrees with the pixels: a
+  // frame lit by one calibrated light must resemble the frames of the neighbouring lights more than those
+  // around a light elsewhere (swapped frames stand out). Reads every object, on all threads.
   VerifyReport verify() const;
 
  private:

@@ -1,0 +1,104 @@
+#include "db/check/damaged.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/display.h"
+#include "db/check/neighbours.h"
+
+namespace lightstage::db {
+namespace {
+
+constexpr std::size_t kLeastPictures = 16;
+constexpr std::size_t kNeighbours = 6;
+constexpr double kLeastRatio = 2.5;
+constexpr double kLeastDeviations = 5;
+
+struct Judgement {
+  double error = 0;   // root mean square distance to the prediction
+  double spread = 0;  // root mean square distance of the neighbours to the prediction
+};
+
+Judgement judge(std::span<const core::Image> pictures, std::size_t place, std::span<const Neighbour> around,
+                const core::Image& mask) {
+  double error = 0, spread = 0, area = 0;
+  for (std::size_t p = 0; p < pictures[place].values().size(); ++p) {
+    const double inside = mask.empty() ? 1 : double(mask.values()[p]);
+    double predicted = 0;
+    for (const Neighbour& n : around) predicted += n.weight * double(pictures[n.index].values()[p]);
+    double variance = 0;  // in two passes: the difference of sums of squares would cancel
+    for (const Neighbour& n : around)
+      variance += n.weight * std::pow(double(pictures[n.index].values()[p]) - predicted, 2);
+    error += inside * std::pow(double(pictures[place].values()[p]) - predicted, 2);
+    spread += inside * variance;
+    area += inside;
+  }
+  if (area <= 0) return {};
+  return {std::sqrt(error / area), std::sqrt(spread / area)};
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// The worst of the usable pictures in one feature, if it is bad enough.
+std::optional<Damage> worst(std::span<const core::Direction> directions,
+                            std::span<const core::Image> pictures, const core::Image& mask,
+                            const std::vector<bool>& usable) {
+  std::vector<std::size_t> indices;
+  std::vector<Judgement> judgements;
+  std::vector<double> spreads;
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    if (!usable[i]) continue;
+    indices.push_back(i);
+    judgements.push_back(judge(pictures, i, neighbours(directions, i, kNeighbours, usable), mask));
+    spreads.push_back(judgements.back().spread);
+  }
+  // Where neighbours agree to the last digit, a difference in that digit is no damage.
+  const double floor = 0.1 * median(spreads);
+  if (!(floor > 0)) return std::nullopt;
+  std::vector<double> logarithms;
+  for (const Judgement& j : judgements) {
+    logarithms.push_back(std::log(std::hypot(j.error, floor) / std::hypot(j.spread, floor)));
+  }
+  const double centre = median(logarithms);
+  std::vector<double> deviations;
+  for (const double value : logarithms) deviations.push_back(std::abs(value - centre));
+  constexpr double kSigmaOfMad = 1.4826;  // of a normal distribution
+  const double sigma = kSigmaOfMad * median(deviations);
+  const std::size_t at =
+      std::size_t(std::max_element(logarithms.begin(), logarithms.end()) - logarithms.begin());
+  const double ratio = std::exp(logarithms[at]);
+  if (ratio < kLeastRatio || logarithms[at] - centre < kLeastDeviations * sigma) return std::nullopt;
+  return Damage{indices[at], ratio, false};
+}
+
+}  // namespace
+
+std::vector<Damage> find_damaged(std::span<const core::Direction> directions,
+                                 std::span<const DamageFeatures> features, const DamageFeatures& mask) {
+  std::vector<core::Image> shapes, details;
+  for (const DamageFeatures& f : features) {
+    shapes.push_back(core::display_encode(f.shape));
+    details.push_back(f.detail);
+  }
+  std::vector<bool> usable(features.size(), true);
+  std::vector<Damage> damaged;
+  while (features.size() - damaged.size() >= kLeastPictures) {
+    const auto in_shape = worst(directions, shapes, mask.shape, usable);
+    auto in_detail = worst(directions, details, mask.detail, usable);
+    if (!in_shape && !in_detail) break;
+    if (in_detail) in_detail->in_detail = true;
+    damaged.push_back(!in_shape || (in_detail && in_detail->error_ratio > in_shape->error_ratio) ? *in_detail
+                                                                                                 : *in_shape);
+    usable[damaged.back().index] = false;
+  }
+  std::sort(damaged.begin(), damaged.end(),
+            [](const Damage& a, const Damage& b) { return a.index < b.index; });
+  return damaged;
+}
+
+}  // namespace lightstage::db

@@ -1,0 +1,182 @@
+#include "db/store/catalogue.h"
+
+#include <array>
+#include <cstdint>
+#include <cstring>
+#include <fstream>
+#include <optional>
+#include <string>
+
+#include <sqlite3.h>
+#include <stdlib.h>
+
+#include "db/store/migrations.h"
+#include "db/store/object_files.h"
+
+namespace lightstage::db {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kBusyTimeoutMs = 20'000;
+
+struct Identity {
+  int application_id = 0;
+  int version = 0;
+};
+
+struct ScratchFolder {
+  fs::path path;
+  ScratchFolder() {
+    std::string pattern = (fs::temp_directory_path() / "lightstage-look-XXXXXX").string();
+    if (::mkdtemp(pattern.data()) == nullptr) {
+      throw core::StoreError(pattern + ": cannot make a temporary folder: " + std::strerror(errno));
+    }
+    path = pattern;
+  }
+  ~ScratchFolder() {
+    std::error_code ignored;
+    fs::remove_all(path, ignored);
+  }
+  ScratchFolder(const ScratchFolder&) = delete;
+  ScratchFolder& operator=(const ScratchFolder&) = delete;
+};
+
+int big_endian(const unsigned char* bytes) {
+  return int(std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 |
+             bytes[3]);
+}
+
+// The first page of the database as its write-ahead log has it. SQLite itself reads the log, but on a copy in
+// another folder: opening the original would make a -shm file and, on closing, fold the log into the
+// database. Of the database only the first page is copied; the rest is a hole of the right length.
+Identity identity_with_log(const fs::path& database, const fs::path& log) {
+  const ScratchFolder scratch;
+  const fs::path copy = scratch.path / "look.sqlite";
+  {
+    constexpr std::size_t kLargestPage = 65536;
+    std::array<char, kLargestPage> page{};
+    std::ifstream source(database, std::ios::binary);
+    source.read(page.data(), page.size());
+    std::ofstream(copy, std::ios::binary).write(page.data(), source.gcount());
+  }
+  fs::resize_file(copy, fs::file_size(database));
+  fs::copy_file(log, fs::path(copy.string() + "-wal"));
+  SQLite::Database look(copy.string(), SQLite::OPEN_READWRITE);
+  return {look.execAndGet("PRAGMA application_id").getInt(), look.execAndGet("PRAGMA user_version").getInt()};
+}
+
+// What the file is, without opening it as a database; nothing for a file that is none.
+std::optional<Identity> look_at(const fs::path& database) {
+  // https://www.sqlite.org/fileformat.html, section 1.3: magic at 0, user version at 60, application id
+  // at 68.
+  constexpr std::size_t kHeaderSize = 100;
+  std::array<char, kHeaderSize> header{};
+  std::ifstream file(database, std::ios::binary);
+  file.read(header.data(), header.size());
+  if (file.gcount() != std::streamsize(kHeaderSize) ||
+      std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
+    return std::nullopt;
+  }
+  std::error_code none;
+  const fs::path log = database.string() + "-wal";
+  if (fs::exists(log, none) && fs::file_size(log, none) > 0) return identity_with_log(database, log);
+  const auto* bytes = reinterpret_cast<const unsigned char*>(header.data());
+  return Identity{big_endian(bytes + 68), big_endian(bytes + 60)};
+}
+
+void refuse_newer(const fs::path& store_folder, int version) {
+  if (version <= schema_version()) return;
+  throw core::StoreError(store_folder.string() + ": this store has schema version " +
+                         std::to_string(version) + ", this program knows version " +
+                         std::to_string(schema_version()) +
+                         "; it was not touched. Use the newer lightstage that made it");
+}
+
+void configure(SQLite::Database& database, const fs::path& store_folder) {
+  database.exec("PRAGMA trusted_schema = OFF");
+  database.exec("PRAGMA cell_size_check = ON");
+  database.exec("PRAGMA foreign_keys = ON");
+  database.exec("PRAGMA synchronous = FULL");
+  if (database.execAndGet("PRAGMA journal_mode = WAL").getString() != "wal") {
+    throw core::StoreError(store_folder.string() +
+                           ": the file system cannot hold a write-ahead log; keep the store on a local disk");
+  }
+}
+
+}  // namespace
+
+fs::path catalogue_path(const fs::path& store_folder) {
+  return store_folder / "store.sqlite";
+}
+
+SQLite::Database create_catalogue(const fs::path& store_folder) {
+  return explaining(store_folder, [&] {
+    const fs::path path = catalogue_path(store_folder);
+    const auto refuse_existing = [&] {
+      throw core::UsageError(store_folder.string() + ": there is a store already");
+    };
+    std::error_code none;
+    if (fs::exists(path, none) && !fs::is_empty(path, none)) refuse_existing();
+    SQLite::Database database(path.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyTimeoutMs);
+    // The schema comes in one transaction before anything else is written: a crash leaves either an empty
+    // file, which the next `create` fills, or a whole store. Of two that create at once, the second finds
+    // nothing left to do here.
+    if (!migrate(database)) refuse_existing();
+    configure(database, store_folder);
+    return database;
+  });
+}
+
+SQLite::Database open_catalogue(const fs::path& store_folder) {
+  const fs::path path = catalogue_path(store_folder);
+  std::error_code none;
+  if (!fs::exists(path, none)) {
+    throw core::StoreError(
+        store_folder.string() +
+        ": there is no store here (no store.sqlite); make one with `lightstage init --store " +
+        store_folder.string() + "`");
+  }
+  return explaining(store_folder, [&] {
+    const std::optional<Identity> identity = fs::is_regular_file(path, none) ? look_at(path) : std::nullopt;
+    if (!identity || identity->application_id != kApplicationId) {
+      throw core::StoreError(path.string() + ": this file is not a Lightstage store");
+    }
+    refuse_newer(store_folder, identity->version);
+    SQLite::Database database(path.string(), SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    // Once more: another program may have migrated it since the look.
+    const int version = database.execAndGet("PRAGMA user_version").getInt();
+    refuse_newer(store_folder, version);
+    configure(database, store_folder);
+    if (version < schema_version()) migrate(database);
+    return database;
+  });
+}
+
+core::StoreError explained(const SQLite::Exception& error, const fs::path& store_folder) {
+  std::string text = store_folder.string() + ": ";
+  switch (error.getErrorCode()) {
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+      text += "another program has been writing to this store for too long; try again when it is done";
+      break;
+    case SQLITE_FULL:
+      text += "the disk is full; nothing of this step was stored";
+      break;
+    case SQLITE_READONLY:
+    case SQLITE_CANTOPEN:
+    case SQLITE_PERM:
+      text += "the store cannot be opened for writing; check who owns the folder and its permissions";
+      break;
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      text += "the catalogue store.sqlite is damaged; `lightstage store verify` says more";
+      break;
+    default:
+      text += "database error";
+  }
+  return core::StoreError(text + " (" + error.what() + ")");
+}
+
+}  // namespace lightstage::db

@@ -1,0 +1,34 @@
+// Opening store.sqlite: looking before touching, and the settings of every connection.
+#pragma once
+
+#include <filesystem>
+
+#include <SQLiteCpp/Database.h>
+#include <SQLiteCpp/Exception.h>
+
+#include "core/error.h"
+
+namespace lightstage::db {
+
+std::filesystem::path catalogue_path(const std::filesystem::path& store_folder);
+
+// A new, empty catalogue. Throws UsageError when there is one already.
+SQLite::Database create_catalogue(const std::filesystem::path& store_folder);
+// An existing one, migrated. Throws StoreError when it is missing, no store, or newer than this program; a
+// newer one is not touched: no byte of it, of its journal or of its folder changes.
+SQLite::Database open_catalogue(const std::filesystem::path& store_folder);
+
+// What a database error means for the user, with the store's path.
+core::StoreError explained(const SQLite::Exception& error, const std::filesystem::path& store_folder);
+
+// Calls `work`, with database errors turned into StoreError.
+template <class Work>
+decltype(auto) explaining(const std::filesystem::path& store_folder, Work&& work) {
+  try {
+    return work();
+  } catch (const SQLite::Exception& error) {
+    throw explained(error, store_folder);
+  }
+}
+
+}  // namespace lightstage::db

@@ -1,0 +1,107 @@
+// Store: frames.
+#include "core/error.h"
+#include "db/store/impl.h"
+
+namespace lightstage::db {
+namespace {
+
+constexpr const char* kFrameColumns =
+    "SELECT f.id, f.scan_id, f.camera, f.step_index, f.timestamp_ns, f.sequence_number, f.attempt, "
+    "f.saturation, f.object "
+    "FROM frames f JOIN cameras c ON c.scan_id = f.scan_id AND c.name = f.camera ";
+
+std::vector<Frame> read_frames(SQLite::Statement row) {
+  std::vector<Frame> frames;
+  while (row.executeStep()) {
+    Frame frame;
+    frame.id = row.getColumn(0).getInt64();
+    frame.scan_id = row.getColumn(1).getInt64();
+    frame.camera = row.getColumn(2).getString();
+    frame.step_index = row.getColumn(3).getInt();
+    frame.timestamp_ns = row.getColumn(4).getInt64();
+    frame.sequence_number = row.getColumn(5).getInt64();
+    frame.attempt = row.getColumn(6).getInt();
+    frame.saturation = row.getColumn(7).getDouble();
+    frame.object = ContentHash::from_hex(row.getColumn(8).getString());
+    frames.push_back(std::move(frame));
+  }
+  return frames;
+}
+
+std::string to_text(core::ImageSize size) {
+  return std::to_string(size.width) + "x" + std::to_string(size.height) + " with " +
+         std::to_string(size.channels) + (size.channels == 1 ? " channel" : " channels");
+}
+
+}  // namespace
+
+void Store::Impl::check_frame(const NewFrame& frame, core::ImageSize size) const {
+  auto scan = query("SELECT name FROM scans WHERE id = ?", frame.scan_id);
+  if (!scan.executeStep()) {
+    throw core::UsageError(folder.string() + ": there is no scan with id " + std::to_string(frame.scan_id));
+  }
+  const std::string place = folder.string() + ": scan '" + scan.getColumn(0).getString() + "', camera '" +
+                            frame.camera + "', step " + std::to_string(frame.step_index) + ": ";
+  if (!query("SELECT 1 FROM cameras WHERE scan_id = ? AND name = ?", frame.scan_id, frame.camera)
+           .executeStep()) {
+    throw core::BadInput(place + "the scan has no such camera");
+  }
+  if (!query("SELECT 1 FROM steps WHERE scan_id = ? AND step_index = ?", frame.scan_id, frame.step_index)
+           .executeStep()) {
+    throw core::BadInput(place + "the scan has no such step");
+  }
+  if (frame.attempt < 1) throw core::BadInput(place + "attempts count from 1");
+  if (!(frame.saturation >= 0)) throw core::BadInput(place + "its saturation is not a number >= 0");
+  auto other = query(
+      "SELECT o.height, o.width, o.channels FROM frames f JOIN objects o ON o.hash = f.object "
+      "WHERE f.scan_id = ? AND f.camera = ? AND f.step_index <> ? LIMIT 1",
+      frame.scan_id, frame.camera, frame.step_index);
+  if (!other.executeStep()) return;
+  const core::ImageSize expected{other.getColumn(0).getInt(), other.getColumn(1).getInt(),
+                                 other.getColumn(2).getInt()};
+  if (expected != size) {
+    throw core::BadInput(place + "the image is " + to_text(size) + ", the camera's other frames are " +
+                         to_text(expected));
+  }
+}
+
+Id Store::put_frame(const NewFrame& frame, core::ImageView image) {
+  // Before the object is written, so that a frame that cannot be taken leaves nothing behind.
+  explaining(folder(), [&] { impl_->check_frame(frame, image.size()); });
+  const ContentHash object = impl_->objects.write(image);
+  return impl_->write([&] {
+    impl_->know_object(object, image.size());
+    return add_frame(frame, object);
+  });
+}
+
+Id Store::add_frame(const NewFrame& frame, const ContentHash& object) {
+  return impl_->write([&] {
+    impl_->check_frame(frame, object_size(object));
+    impl_->change(
+        "INSERT OR REPLACE INTO frames "
+        "(scan_id, camera, step_index, timestamp_ns, sequence_number, attempt, saturation, object) "
+        "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+        frame.scan_id, frame.camera, frame.step_index, frame.timestamp_ns, frame.sequence_number,
+        frame.attempt, frame.saturation, object);
+    return Id(impl_->database.getLastInsertRowid());
+  });
+}
+
+std::vector<Frame> Store::frames(Id scan_id, std::string_view camera) const {
+  return explaining(folder(), [&] {
+    const std::string sql =
+        std::string(kFrameColumns) + "WHERE f.scan_id = ? AND f.camera = ? ORDER BY f.step_index";
+    return read_frames(impl_->query(sql.c_str(), scan_id, camera));
+  });
+}
+
+std::vector<Frame> Store::frames(Id scan_id) const {
+  return explaining(folder(), [&] {
+    const std::string sql =
+        std::string(kFrameColumns) + "WHERE f.scan_id = ? ORDER BY f.step_index, c.position";
+    return read_frames(impl_->query(sql.c_str(), scan_id));
+  });
+}
+
+}  // namespace lightstage::db

@@ -1,0 +1,47 @@
+// The files behind the catalogue: one EXR an object, objects/ab/abcdef….exr, named by the hash of its bytes.
+// Needs no database connection; all functions may be called from several threads.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/image.h"
+#include "db/content_hash.h"
+
+namespace lightstage::db {
+
+// Makes the names in a folder durable. Throws StoreError.
+void sync_folder(const std::filesystem::path& folder);
+
+class ObjectFiles {
+ public:
+  explicit ObjectFiles(std::filesystem::path store_folder) : store_folder_(std::move(store_folder)) {}
+
+  // Writes half floats, ZIP-compressed, and returns once file and name are durable. A sound object of that
+  // name is left alone, a damaged one is replaced. Throws BadInput for an image that is empty or not finite
+  // or has more than 4 channels, StoreError when the disk fails.
+  ContentHash write(core::ImageView image) const;
+
+  // Throws StoreError when the object is missing or damaged.
+  core::Image read(const ContentHash& hash) const;
+
+  std::filesystem::path folder() const { return store_folder_ / "objects"; }
+  std::filesystem::path path(const ContentHash& hash) const;
+
+  // "is missing", "is damaged: ...", or nothing for an object whose bytes match its name.
+  std::optional<std::string> problem(const ContentHash& hash) const;
+
+  struct Listing {
+    std::vector<ContentHash> objects;  // in order of name
+    std::vector<std::filesystem::path>
+        strangers;  // files that are no objects: interrupted writes and the like
+  };
+  Listing list() const;
+
+ private:
+  std::filesystem::path store_folder_;
+};
+
+}  // namespace lightstage::db

@@ -1,0 +1,198 @@
+// Store: scans with their cameras and steps.
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <set>
+
+#include "core/clock.h"
+#include "core/error.h"
+#include "core/text.h"
+#include "core/version.h"
+#include "db/store/impl.h"
+
+namespace lightstage::db {
+namespace {
+
+// In the order of the enumerations.
+constexpr std::array<std::string_view, 6> kScanKinds{"olat",       "mirror_ball", "grey_ball",
+                                                     "chessboard", "imported",    "virtual"};
+constexpr std::array<std::string_view, 5> kStepKinds{"light", "tracking", "full_on", "dark", "pattern"};
+
+// The schema lets no other text in.
+template <class Kind, std::size_t n>
+Kind parse_kind(const std::array<std::string_view, n>& names, const std::string& text) {
+  return Kind(std::find(names.begin(), names.end(), text) - names.begin());
+}
+
+void check_name(const std::string& name, const std::string& what) {
+  const auto allowed = [](unsigned char c) { return std::isalnum(c) || c == '-' || c == '_' || c == '.'; };
+  if (name.empty() || name[0] == '.' || !std::all_of(name.begin(), name.end(), allowed)) {
+    throw core::UsageError("'" + name + "' cannot name a " + what +
+                           "; use letters, digits, '-', '_' and '.', not starting with '.'");
+  }
+}
+
+void check_steps(const NewScan& scan) {
+  std::set<int> seen;
+  for (const Step& step : scan.steps) {
+    const std::string place = "scan '" + scan.name + "', step " + std::to_string(step.step_index) + ": ";
+    if (step.step_index < 0) throw core::BadInput(place + "steps count from 0");
+    if (!seen.insert(step.step_index).second) throw core::BadInput(place + "listed twice");
+    if (step.exposure_ns < 0) throw core::BadInput(place + "its exposure is negative");
+    if ((step.kind == StepKind::kLight) != step.light_index.has_value()) {
+      throw core::BadInput(place + "a step has a light exactly if its kind is 'light'");
+    }
+    if (step.light_index && *step.light_index < 0) throw core::BadInput(place + "lights count from 0");
+    if (step.kind == StepKind::kPattern) {
+      require_json(step.pattern, place + "its pattern");
+    } else if (!step.pattern.empty()) {
+      throw core::BadInput(place + "only a step of kind 'pattern' has a pattern");
+    }
+  }
+}
+
+void check_scan(const NewScan& scan) {
+  for (std::size_t i = 0; i < scan.cameras.size(); ++i) {
+    check_name(scan.cameras[i], "camera");
+    if (std::find(scan.cameras.begin(), scan.cameras.begin() + std::ptrdiff_t(i), scan.cameras[i]) !=
+        scan.cameras.begin() + std::ptrdiff_t(i)) {
+      throw core::BadInput("scan '" + scan.name + "': camera '" + scan.cameras[i] + "' is listed twice");
+    }
+  }
+  require_json(json_or_empty(scan.provenance), "scan '" + scan.name + "': its provenance");
+  check_steps(scan);
+}
+
+constexpr const char* kScanColumns =
+    "SELECT id, name, kind, stage_key, provenance, created_utc, program_version FROM scans ";
+
+}  // namespace
+
+std::string_view to_string(ScanKind kind) {
+  return kScanKinds.at(std::size_t(kind));
+}
+std::string_view to_string(StepKind kind) {
+  return kStepKinds.at(std::size_t(kind));
+}
+
+void Store::require_free_name(const std::string& name) const {
+  check_name(name, "scan");
+  if (find_scan(name)) {
+    throw core::UsageError(folder().string() + ": there is a scan '" + name +
+                           "' already; choose another name");
+  }
+}
+
+Id Store::add_scan(const NewScan& scan) {
+  check_scan(scan);
+  return impl_->write([&] {
+    require_free_name(scan.name);
+    impl_->change(
+        "INSERT INTO scans (name, kind, stage_key, provenance, created_utc, program_version) VALUES (?, ?, "
+        "?, ?, ?, ?)",
+        scan.name, to_string(scan.kind), scan.stage_key, json_or_empty(scan.provenance),
+        core::utc_timestamp(), std::string_view(core::kVersion));
+    const Id id = impl_->database.getLastInsertRowid();
+    for (std::size_t i = 0; i < scan.cameras.size(); ++i) {
+      impl_->change("INSERT INTO cameras (scan_id, position, name) VALUES (?, ?, ?)", id, int(i),
+                    scan.cameras[i]);
+    }
+    SQLite::Statement insert(
+        impl_->database,
+        "INSERT INTO steps (scan_id, step_index, kind, light_index, exposure_ns, pattern) "
+        "VALUES (?, ?, ?, ?, ?, ?)");
+    for (const Step& step : scan.steps) {
+      bind_all(insert, id, step.step_index, to_string(step.kind), step.light_index, step.exposure_ns,
+               step.pattern);
+      insert.exec();
+      insert.reset();
+    }
+    return id;
+  });
+}
+
+Scan Store::Impl::scan_from(SQLite::Statement& row) const {
+  Scan scan;
+  scan.id = row.getColumn(0).getInt64();
+  scan.name = row.getColumn(1).getString();
+  scan.kind = parse_kind<ScanKind>(kScanKinds, row.getColumn(2).getString());
+  scan.stage_key = row.getColumn(3).getString();
+  scan.provenance = row.getColumn(4).getString();
+  scan.created_utc = row.getColumn(5).getString();
+  scan.program_version = row.getColumn(6).getString();
+  auto cameras = query("SELECT name FROM cameras WHERE scan_id = ? ORDER BY position", scan.id);
+  while (cameras.executeStep()) scan.cameras.push_back(cameras.getColumn(0).getString());
+  auto steps = query(
+      "SELECT step_index, kind, light_index, exposure_ns, pattern FROM steps WHERE scan_id = ? ORDER BY "
+      "step_index",
+      scan.id);
+  while (steps.executeStep()) {
+    Step step;
+    step.step_index = steps.getColumn(0).getInt();
+    step.kind = parse_kind<StepKind>(kStepKinds, steps.getColumn(1).getString());
+    if (!steps.getColumn(2).isNull()) step.light_index = steps.getColumn(2).getInt();
+    step.exposure_ns = steps.getColumn(3).getInt64();
+    step.pattern = steps.getColumn(4).getString();
+    scan.steps.push_back(std::move(step));
+  }
+  return scan;
+}
+
+std::optional<Scan> Store::find_scan(std::string_view name) const {
+  return explaining(folder(), [&]() -> std::optional<Scan> {
+    auto row = impl_->query((std::string(kScanColumns) + "WHERE name = ?").c_str(), name);
+    if (!row.executeStep()) return std::nullopt;
+    return impl_->scan_from(row);
+  });
+}
+
+Scan Store::scan(std::string_view name) const {
+  if (auto found = find_scan(name)) return *std::move(found);
+  std::vector<std::string> names;
+  for (const Scan& known : scans()) names.push_back(known.name);
+  const auto meant = core::nearest_name(name, names);
+  throw core::UsageError(folder().string() + ": there is no scan '" + std::string(name) + "'" +
+                         (meant ? "; did you mean '" + *meant + "'?" : "; `lightstage store ls` lists them"));
+}
+
+Scan Store::scan(Id id) const {
+  return explaining(folder(), [&] {
+    auto row = impl_->query((std::string(kScanColumns) + "WHERE id = ?").c_str(), id);
+    if (!row.executeStep()) {
+      throw core::UsageError(folder().string() + ": there is no scan with id " + std::to_string(id));
+    }
+    return impl_->scan_from(row);
+  });
+}
+
+std::vector<Scan> Store::scans() const {
+  return explaining(folder(), [&] {
+    std::vector<Scan> all;
+    auto row = impl_->query((std::string(kScanColumns) + "ORDER BY id").c_str());
+    while (row.executeStep()) all.push_back(impl_->scan_from(row));
+    return all;
+  });
+}
+
+void Store::remove_scan(Id scan_id) {
+  impl_->write([&] {
+    const Scan removed = scan(scan_id);
+    // What was made from it, other than its own products, would lose its origin.
+    auto heirs = impl_->query(
+        "SELECT p.kind, p.name, p.id FROM products p WHERE p.scan_id IS NOT ?1 AND ("
+        "  p.id IN (SELECT product_id FROM product_input_scans WHERE scan_id = ?1) OR"
+        "  p.id IN (SELECT i.product_id FROM product_input_products i JOIN products own ON own.id = "
+        "i.input_id"
+        "           WHERE own.scan_id = ?1)) ORDER BY p.id",
+        scan_id);
+    if (heirs.executeStep()) {
+      throw core::UsageError(folder().string() + ": scan '" + removed.name +
+                             "' cannot be removed: " + heirs.getColumn(0).getString() + " '" +
+                             heirs.getColumn(1).getString() + "' (product " +
+                             std::to_string(heirs.getColumn(2).getInt64()) + ") was made from it");
+    }
+    impl_->change("DELETE FROM scans WHERE id = ?", scan_id);
+  });
+}
+
+}  // namespace lightstage::db
