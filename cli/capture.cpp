@@ -104,8 +104,11 @@ CaptureProvenance plan(const Options& options) {
     capture::OlatOptions olat;
     olat.light_count = lights;
     olat.tracking_every = scan_kind(simulation.subject.kind) == db::ScanKind::kOlat ? options.tracking_every : 0;
-    // A mirror shows the LEDs themselves, thousands of times brighter than a lit face.
-    if (options.mirror_ball) olat.exposure = 10'000;
+    if (options.mirror_ball) {
+      // A mirror shows the LEDs themselves, thousands of times brighter than the rest of the ball, which the full-on frame is of.
+      olat.full_on_exposure = capture::default_full_on_exposure(olat.exposure, lights);
+      olat.exposure = 10'000;
+    }
     if (options.exposure_ms) olat.exposure = nanoseconds(*options.exposure_ms);
     provenance.sequence = capture::make_olat_sequence(olat);
   } else {
@@ -137,9 +140,7 @@ void capture_scan(const Options& options, Context& context) {
 
   const sim::World world(*provenance.simulation);
   core::VirtualClock clock;
-  for (const db::Frame& frame : store.frames(scan.id)) {
-    clock.sleep_until(frame.timestamp_ns + 100 * core::kMillisecond);  // a resumed pass goes on after the last frame
-  }
+  clock.sleep_until(capture::end_of_last_exposure(store, scan));  // a resumed pass goes on where the motion was
   sim::SimulatedRig rig(world, clock);
   const capture::SessionReport report = run_session(store, scan, provenance.sequence, rig.rig());
   if (scan.kind == db::ScanKind::kOlat) store_subject_masks(store, scan);
