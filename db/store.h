@@ -86,7 +86,7 @@ struct NewProduct {
   std::optional<Id> scan_id;  // the scan it describes
   std::string stage_key;      // for calibrations: the stage it describes
   std::string parameters;     // JSON, empty stands for {}; a mask or alignment of a scan with several cameras
-                           // says which one it is for: {"camera": NAME} (without: the scan's first)
+                              // says which one it is for: {"camera": NAME} (without: the scan's first)
   std::vector<Id> input_scans;
   std::vector<Id> input_products;
   std::vector<ProductImage> images;
