@@ -108,8 +108,8 @@ class ObjectReader {
     } else if constexpr (std::is_integral_v<T>) {
       if (!value.is_number_integer()) fail(key, "must be a whole number");
       const bool negative = !value.is_number_unsigned();
-      const bool fits = negative ? std::in_range<T>(value.get<std::int64_t>())
-                                 : std::in_range<T>(value.get<std::uint64_t>());
+      const bool fits =
+          negative ? std::in_range<T>(value.get<std::int64_t>()) : std::in_range<T>(value.get<std::uint64_t>());
       if (!fits) fail(key, "is out of range");
       return value.get<T>();
     } else if constexpr (std::is_same_v<T, std::string>) {
@@ -161,10 +161,9 @@ Simulation simulation_from_json(std::string_view text) {
   ObjectReader subject(root.at("subject"), "simulation: subject");
   std::string kind_name;
   subject("kind", kind_name);
-  const auto kind = std::find_if(kKindNames.begin(), kKindNames.end(),
-                                 [&](const KindName& k) { return k.name == kind_name; });
-  if (kind == kKindNames.end())
-    subject.fail("kind", "is '" + kind_name + "', which is not a kind of subject");
+  const auto kind =
+      std::find_if(kKindNames.begin(), kKindNames.end(), [&](const KindName& k) { return k.name == kind_name; });
+  if (kind == kKindNames.end()) subject.fail("kind", "is '" + kind_name + "', which is not a kind of subject");
   result.subject.kind = kind->kind;
   describe_subject(result.subject, subject);
 
@@ -185,7 +184,7 @@ double subject_size_m(const SubjectSpec& subject) {
     case SubjectKind::kGreyBall:
       return 0.06;
     case SubjectKind::kChessboard:
-      return 0.2;
+      return 0.16;
     case SubjectKind::kProceduralHead:
     case SubjectKind::kMesh:
       break;

@@ -20,6 +20,22 @@ namespace {
 // Patterns of more lights than this use interpolated shadows: rays for each would take seconds a frame.
 constexpr std::size_t kMostExactLights = 16;
 
+void require(bool good, const std::string& problem) {
+  if (!good) throw core::BadInput("simulation: " + problem);
+}
+
+// Before anything is built.
+const Simulation& checked(const Simulation& s) {
+  const double size = subject_size_m(s.subject);
+  require(std::isfinite(size) && size > 0, "the subject's size_m must be positive");
+  require(s.subject.albedo >= 0 && s.subject.albedo <= 1, "albedo must be from 0 to 1");
+  require(std::isfinite(s.subject.yaw_degrees), "yaw_degrees must be finite");
+  require(std::isfinite(s.motion.amplitude_m) && std::isfinite(s.motion.rotation_degrees), "the motion must be finite");
+  require(s.stage.simulation.led_radius_m > 0, "led_radius_m must be positive");
+  require(std::isfinite(s.stage.radius_m) && s.stage.radius_m > size, "the subject does not fit into the stage");
+  return s;
+}
+
 std::unique_ptr<Subject> make_subject(const SubjectSpec& spec) {
   const double size = subject_size_m(spec);
   switch (spec.kind) {
@@ -46,10 +62,9 @@ MotionSpec motion_of(const Simulation& simulation) {
 
 int samples_per_side(const Simulation& simulation) {
   const int side = int(std::lround(std::sqrt(std::max(simulation.pixel_samples, 0))));
-  if (side < 1 || side > 16 || side * side != simulation.pixel_samples) {
-    throw core::BadInput("simulation: pixel_samples is " + std::to_string(simulation.pixel_samples) +
-                         "; it must be a square number from 1 to 256");
-  }
+  require(
+      side >= 1 && side <= 16 && side * side == simulation.pixel_samples,
+      "pixel_samples is " + std::to_string(simulation.pixel_samples) + "; it must be a square number from 1 to 256");
   return side;
 }
 
@@ -57,7 +72,7 @@ int samples_per_side(const Simulation& simulation) {
 
 struct World::Impl {
   explicit Impl(const Simulation& s)
-      : simulation(s),
+      : simulation(checked(s)),
         lights(sim::true_lights(s.stage)),
         motion(motion_of(s), s.subject.yaw_degrees, s.seed),
         subject(make_subject(s.subject)),
@@ -88,13 +103,12 @@ struct World::Impl {
 
   // The picture under lamps of the stage frame; `index` names them in the stage, -1 where they are not of it.
   core::Image picture(const core::CameraModel& camera, const core::RigidTransform& stage_from_subject,
-                      const SurfaceBuffer& buffer, std::span<const Lamp> lamps,
-                      std::span<const int> index) const {
+                      const SurfaceBuffer& buffer, std::span<const Lamp> lamps, std::span<const int> index) const {
     const core::RigidTransform subject_from_stage = stage_from_subject.inverse();
     LightSet set;
     for (std::size_t i = 0; i < lamps.size(); ++i) {
-      set.add(Vec3f(subject_from_stage.apply(lamps[i].position)), core::norm(lamps[i].position),
-              lamps[i].gain, index[i]);
+      set.add(Vec3f(subject_from_stage.apply(lamps[i].position)), core::norm(lamps[i].position), lamps[i].gain,
+              index[i]);
     }
     const Shadows shadows = lamps.size() > kMostExactLights ? Shadows::kInterpolated : Shadows::kExact;
     core::Image image = illuminate(*subject, buffer, set, shadows);
@@ -127,8 +141,8 @@ core::Image World::render(const core::CameraModel& camera, std::span<const captu
   std::vector<int> index;
   for (const capture::LightLevel& level : levels) {
     if (level.light_index < 0 || std::size_t(level.light_index) >= impl_->lights.size()) {
-      throw core::BadInput("simulation: light " + std::to_string(level.light_index) +
-                           " is lit, but there are " + std::to_string(impl_->lights.size()) + " lights");
+      throw core::BadInput("simulation: light " + std::to_string(level.light_index) + " is lit, but there are " +
+                           std::to_string(impl_->lights.size()) + " lights");
     }
     const core::Light& light = impl_->lights[std::size_t(level.light_index)];
     const std::array<double, 3> gain{light.gain[0] * double(level.r), light.gain[1] * double(level.g),
@@ -163,8 +177,7 @@ core::Image World::coverage(const core::CameraModel& camera, core::Nanoseconds t
   return sim::coverage(*impl_->surfaces.get(camera, impl_->motion.stage_from_subject(t)));
 }
 
-core::Image World::true_flow(const core::CameraModel& camera, core::Nanoseconds from,
-                             core::Nanoseconds to) const {
+core::Image World::true_flow(const core::CameraModel& camera, core::Nanoseconds from, core::Nanoseconds to) const {
   const core::RigidTransform then = impl_->motion.stage_from_subject(from),
                              later = impl_->motion.stage_from_subject(to);
   const core::RigidTransform back = then.inverse();

@@ -18,11 +18,15 @@ namespace lightstage::sim {
 
 // Lights are discs at finite distance (points for shadows), each with irradiance pi * gain at stage centre and inverse-square
 // falloff: a white Lambertian surface facing a light of unit gain at stage centre has radiance 1. Materials are diffuse plus GGX
-// (Walter et al. 2007, with Smith masking and Schlick's Fresnel). Shadows are hard. Results do not depend on the thread count.
+// (Walter et al. 2007, with Smith masking and Schlick's Fresnel). Shadows are hard; under more than 16 lights at once they are
+// interpolated between the vertices of the mesh (PSNR above 35 dB against the sum of single lights). A pixel sees its surroundings
+// through the lens's point spread (a Gaussian, standard deviation 0.45 pixels) over its square aperture, so that a highlight smaller
+// than a pixel still shows where in it it lies. Results do not depend on the thread count. All functions may be called from several
+// threads.
 class World {
  public:
   // Builds meshes and acceleration structures. Throws BadInput for a mesh file that is missing, damaged, changed
-  // since the simulation was recorded, or without triangles.
+  // since the simulation was recorded, or without triangles, and for values that make no sense (naming them).
   explicit World(const Simulation& simulation);
   ~World();
   World(World&&) noexcept;
@@ -33,14 +37,15 @@ class World {
   const std::vector<core::Light>& true_lights() const;
 
   // Radiance (RGB) seen by a camera of the stage when `levels` are lit and the subject is in its pose of time `t` (ns since the
-  // sequence began). No noise. The lens's distortion is in it, vignetting is the sensor's.
+  // sequence began). No noise. The lens's distortion is in it, vignetting is the sensor's. Throws BadInput for a light that does
+  // not exist. At 256 x 256 pixels about 0.1 s a core for one light and 0.2 s for 200 (1 s more the first time).
   core::Image render(const core::CameraModel& camera, std::span<const capture::LightLevel> levels,
                      core::Nanoseconds t) const;
 
   // The same pose under single lights of unit gain at stage radius in any directions, the truth between the stage's lights; one
   // image a direction. Visibility from the camera is computed once for all of them.
-  std::vector<core::Image> render_directions(const core::CameraModel& camera, std::span<const core::Direction> directions,
-                                             core::Nanoseconds t) const;
+  std::vector<core::Image> render_directions(const core::CameraModel& camera,
+                                             std::span<const core::Direction> directions, core::Nanoseconds t) const;
 
   // Share of each pixel covered by the subject, one channel in [0, 1].
   core::Image coverage(const core::CameraModel& camera, core::Nanoseconds t) const;

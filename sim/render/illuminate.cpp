@@ -43,8 +43,8 @@ core::Image filtered(const SampleGrid& grid, int channels, const FillRow& fill_r
 }
 
 // Visibilities of all lights from one sample, in place.
-void find_visibility(const Subject& subject, const SurfaceSample& sample, const LightSet& lights,
-                     Shadows shadows, std::span<float> visibility) {
+void find_visibility(const Subject& subject, const SurfaceSample& sample, const LightSet& lights, Shadows shadows,
+                     std::span<float> visibility) {
   if (shadows == Shadows::kInterpolated) {
     subject.visibility(sample, lights.index, visibility);
     return;
@@ -58,8 +58,7 @@ void find_visibility(const Subject& subject, const SurfaceSample& sample, const 
 
 }  // namespace
 
-core::Image illuminate(const Subject& subject, const SurfaceBuffer& buffer, const LightSet& lights,
-                       Shadows shadows) {
+core::Image illuminate(const Subject& subject, const SurfaceBuffer& buffer, const LightSet& lights, Shadows shadows) {
   return filtered(*buffer.grid, 3, [&](std::size_t y, std::span<float> values) {
     const SurfaceBuffer::Row& row = buffer.rows[y];
     std::vector<float> visibility(lights.size());

@@ -13,8 +13,7 @@ enum class Shadows {
 };
 
 // Radiance, RGB.
-core::Image illuminate(const Subject& subject, const SurfaceBuffer& buffer, const LightSet& lights,
-                       Shadows shadows);
+core::Image illuminate(const Subject& subject, const SurfaceBuffer& buffer, const LightSet& lights, Shadows shadows);
 
 // The share of each pixel that sees the subject, one channel.
 core::Image coverage(const SurfaceBuffer& buffer);

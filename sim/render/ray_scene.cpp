@@ -1,6 +1,7 @@
 #include "sim/render/ray_scene.h"
 
 #include <embree3/rtcore.h>
+#include <oneapi/tbb/task_arena.h>
 
 #include <cstring>
 #include <limits>
@@ -28,9 +29,8 @@ using Geometry = std::unique_ptr<std::remove_pointer_t<RTCGeometry>, ReleaseGeom
 void require_no_error(RTCDevice device) {
   const RTCError error = rtcGetDeviceError(device);
   if (error != RTC_ERROR_NONE) {
-    throw core::Error(core::ErrorKind::kInternal,
-                      "Embree cannot build the scene (error " + std::to_string(int(error)) +
-                          (error == RTC_ERROR_OUT_OF_MEMORY ? ", out of memory)" : ")"));
+    throw core::Error(core::ErrorKind::kInternal, "Embree cannot build the scene (error " + std::to_string(int(error)) +
+                                                      (error == RTC_ERROR_OUT_OF_MEMORY ? ", out of memory)" : ")"));
   }
 }
 
@@ -62,7 +62,7 @@ struct RayScene::Handles {
 
 RayScene::RayScene(std::span<const Vec3f> vertices, std::span<const Triangle> triangles)
     : handles_(std::make_unique<Handles>()) {
-  handles_->device.reset(rtcNewDevice("threads=1"));
+  handles_->device.reset(rtcNewDevice(nullptr));
   RTCDevice device = handles_->device.get();
   require_no_error(device);
   handles_->scene.reset(rtcNewScene(device));
@@ -75,7 +75,9 @@ RayScene::RayScene(std::span<const Vec3f> vertices, std::span<const Triangle> tr
   // Robust: rays do not slip through edges that triangles share.
   rtcSetSceneFlags(handles_->scene.get(), RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(handles_->scene.get(), RTC_BUILD_QUALITY_HIGH);
-  rtcCommitScene(handles_->scene.get());
+  // Built by this thread alone, so that the hierarchy is the same every time: in an arena of one. (A device with "threads=1" would
+  // hold the whole process to one thread for as long as it lives.)
+  tbb::task_arena(1).execute([this] { rtcJoinCommitScene(handles_->scene.get()); });
   require_no_error(device);
 }
 

@@ -30,9 +30,7 @@ SampleGrid::SampleGrid(const core::CameraModel& camera, int per_side)
       columns_((camera.width + 2 * kFilterReach) * per_side),
       rows_((camera.height + 2 * kFilterReach) * per_side),
       slopes_(std::size_t(columns_) * std::size_t(rows_)) {
-  const auto position = [per_side](std::size_t i) {
-    return (double(i) + 0.5) / per_side - 0.5 - kFilterReach;
-  };
+  const auto position = [per_side](std::size_t i) { return (double(i) + 0.5) / per_side - 0.5 - kFilterReach; };
   core::parallel_for(std::size_t(rows_), 8, [&](std::size_t first, std::size_t last) {
     for (std::size_t row = first; row < last; ++row) {
       for (std::size_t column = 0; column < std::size_t(columns_); ++column) {

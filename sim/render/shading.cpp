@@ -24,8 +24,7 @@ void LightSet::add(Vec3f position, double centre_distance, std::span<const doubl
   index.push_back(light_index);
 }
 
-Vec3f reflected_radiance(const SurfaceSample& sample, const LightSet& lights,
-                         std::span<const float> visibility) {
+Vec3f reflected_radiance(const SurfaceSample& sample, const LightSet& lights, std::span<const float> visibility) {
   const Vec3f p = sample.position, n = sample.normal, v = sample.to_viewer;
   const float nv_raw = dot(n, v);
   const float nv = nv_raw > kGrazing ? nv_raw : kGrazing;

@@ -27,7 +27,6 @@ struct LightSet {
 // D the GGX distribution, V = G2 / (4 n.l n.v) its height-correlated Smith masking (Walter et al. 2007; Heitz
 // 2014, "Understanding the masking-shadowing function", eq. 99), F Schlick's Fresnel with 1 at grazing.
 // Symmetric in l and v, and never reflects more than it receives. A sample with f0 = 0 is Lambertian.
-Vec3f reflected_radiance(const SurfaceSample& sample, const LightSet& lights,
-                         std::span<const float> visibility);
+Vec3f reflected_radiance(const SurfaceSample& sample, const LightSet& lights, std::span<const float> visibility);
 
 }  // namespace lightstage::sim

@@ -34,8 +34,7 @@ void add_bounces(const Subject& subject, const SurfaceSample& sample, std::uint6
     const double a = std::modf(shift_a + 0.7548776662466927 * i, &whole);
     const double b = std::modf(shift_b + 0.5698402909980532 * i, &whole);
     bounces.push_back(subject.sample(to_double(sample.shadow_origin), cosine_direction(sample.normal, a, b)));
-    if (bounces.back())
-      bounces.back()->f0 = 0;  // diffuse light only: a path through a highlight would be a hot pixel
+    if (bounces.back()) bounces.back()->f0 = 0;  // diffuse light only: a path through a highlight would be a hot pixel
   }
 }
 
@@ -82,9 +81,8 @@ std::shared_ptr<const SurfaceBuffer> SurfaceCache::get(const core::CameraModel& 
   std::shared_ptr<const SampleGrid> grid;
   {
     const std::scoped_lock lock(mutex_);
-    const auto found = std::find_if(entries_.begin(), entries_.end(), [&](const Entry& entry) {
-      return fields(entry.camera) == fields(camera);
-    });
+    const auto found = std::find_if(entries_.begin(), entries_.end(),
+                                    [&](const Entry& entry) { return fields(entry.camera) == fields(camera); });
     if (found != entries_.end()) {
       entries_.splice(entries_.begin(), entries_, found);
       if (same_pose(found->stage_from_subject, stage_from_subject)) return found->buffer;
@@ -93,9 +91,8 @@ std::shared_ptr<const SurfaceBuffer> SurfaceCache::get(const core::CameraModel& 
   }
   if (!grid) grid = std::make_shared<const SampleGrid>(camera, samples_per_side_);
   const core::RigidTransform subject_from_stage = stage_from_subject.inverse();
-  const core::RigidTransform subject_from_camera{
-      subject_from_stage.rotation * camera.stage_from_camera.rotation,
-      subject_from_stage.apply(camera.stage_from_camera.translation)};
+  const core::RigidTransform subject_from_camera{subject_from_stage.rotation * camera.stage_from_camera.rotation,
+                                                 subject_from_stage.apply(camera.stage_from_camera.translation)};
   auto buffer = std::make_shared<const SurfaceBuffer>(trace(subject_, grid, subject_from_camera, bounce_));
   const std::scoped_lock lock(mutex_);
   entries_.remove_if([&](const Entry& entry) { return fields(entry.camera) == fields(camera); });

@@ -28,8 +28,7 @@ Motion::Motion(const MotionSpec& spec, double yaw_degrees, std::uint64_t seed) :
 // A vector in the unit ball: mostly sideways, least towards the camera, as a standing person sways.
 core::Vec3 Motion::wander(double seconds, std::uint64_t stream) const {
   const std::uint64_t seed = mix(seed_, stream);
-  return {0.76 * wave(seconds, mix(seed, 0)), 0.52 * wave(seconds, mix(seed, 1)),
-          0.39 * wave(seconds, mix(seed, 2))};
+  return {0.76 * wave(seconds, mix(seed, 0)), 0.52 * wave(seconds, mix(seed, 1)), 0.39 * wave(seconds, mix(seed, 2))};
 }
 
 core::RigidTransform Motion::stage_from_subject(core::Nanoseconds t) const {
@@ -38,8 +37,7 @@ core::RigidTransform Motion::stage_from_subject(core::Nanoseconds t) const {
   if (spec_.rotation_degrees != 0) {
     // Turning the head about y is the largest part: x and y of the wandering change places.
     const core::Vec3 w = wander(seconds, 2);
-    const core::Vec3 rotation =
-        core::Vec3{w.y, w.x, w.z} * core::radians_from_degrees(spec_.rotation_degrees);
+    const core::Vec3 rotation = core::Vec3{w.y, w.x, w.z} * core::radians_from_degrees(spec_.rotation_degrees);
     const double angle = core::norm(rotation);
     if (angle > 0) pose.rotation = core::rotation_about(rotation, angle) * pose.rotation;
   }

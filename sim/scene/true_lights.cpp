@@ -31,8 +31,7 @@ std::vector<core::Light> true_lights(const capture::Stage& stage) {
   lights.reserve(stage.light_positions.size());
   for (std::size_t i = 0; i < stage.light_positions.size(); ++i) {
     if (core::norm(stage.light_positions[i]) == 0) {
-      throw core::BadInput("stage '" + stage.name + "': light " + std::to_string(i) +
-                           " is at stage centre; move it");
+      throw core::BadInput("stage '" + stage.name + "': light " + std::to_string(i) + " is at stage centre; move it");
     }
     const std::uint64_t seed = mix(how.seed, i);
     const double sigma = core::radians_from_degrees(how.mount_error_degrees);

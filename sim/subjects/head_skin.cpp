@@ -83,7 +83,7 @@ class HeadSkin : public Appearance {
         palette_.freckles * std::exp(-0.06F * (p.y + 2.2F) * (p.y + 2.2F)) * smooth_step(3.5F, 6.0F, p.z);
     const float freckle = smooth_step(0.42F, 0.62F, noise_(p * 2.9F + Vec3f(40, 0, 0))) * where;
     colour = colour * lerp(Vec3f(1, 1, 1), Vec3f(0.62F, 0.48F, 0.40F), std::min(freckle * 1.2F, 1.0F));
-    const float mole = smooth_step(0.86F, 0.92F, noise_(p * 1.1F + Vec3f(0, 70, 0)));
+    const float mole = smooth_step(0.88F, 0.92F, noise_(p * 1.9F + Vec3f(0, 70, 0)));
     colour = lerp(colour, palette_.skin * Vec3f(0.3F, 0.2F, 0.16F), 0.9F * mole);
 
     sample.alpha = palette_.skin_alpha * (1 + 0.15F * blotches - 0.25F * nose);

@@ -7,50 +7,27 @@
 
 #include <assimp/Importer.hpp>
 #include <filesystem>
-#include <limits>
 
 #include "core/display.h"
 #include "core/error.h"
-#include "core/file.h"
-#include "core/image_file.h"
 #include "db/content_hash.h"
 #include "sim/scene/random.h"
 #include "sim/subjects/mesh_subject.h"
+#include "sim/subjects/texture.h"
 
 namespace lightstage::sim {
 namespace {
 
 namespace fs = std::filesystem;
 
-struct TexturePoint {
-  float u = 0, v = 0;  // v counts upwards
-  friend TexturePoint operator+(TexturePoint a, TexturePoint b) { return {a.u + b.u, a.v + b.v}; }
-  friend TexturePoint operator*(TexturePoint a, float s) { return {a.u * s, a.v * s}; }
-};
-
 constexpr int kNoTexture = -1;
 
 struct MeshColours {
-  std::vector<Vec3f> albedo;        // one a vertex; multiplies the texture
+  std::vector<Vec3f> albedo;        // one a vertex; white under a texture
   std::vector<TexturePoint> place;  // one a vertex
-  std::vector<int> texture;         // one a vertex: of its material
+  std::vector<int> texture;         // one a vertex: index in textures, or kNoTexture
   std::vector<core::Image> textures;
 };
-
-// Bilinear, repeating.
-Vec3f look_up(const core::Image& texture, TexturePoint place) {
-  const auto wrap = [](int i, int n) { return ((i % n) + n) % n; };
-  const float x = (place.u - std::floor(place.u)) * float(texture.width()) - 0.5F;
-  const float y = (1 - (place.v - std::floor(place.v))) * float(texture.height()) - 0.5F;
-  const float left = std::floor(x), top = std::floor(y);
-  const int x0 = wrap(int(left), texture.width()), x1 = wrap(int(left) + 1, texture.width());
-  const int y0 = wrap(int(top), texture.height()), y1 = wrap(int(top) + 1, texture.height());
-  const auto texel = [&](int row, int column) {
-    const float* p = texture.pixel(row, column);
-    return Vec3f(p[0], p[1], p[2]);
-  };
-  return lerp(lerp(texel(y0, x0), texel(y0, x1), x - left), lerp(texel(y1, x0), texel(y1, x1), x - left), y - top);
-}
 
 class FileAppearance : public Appearance {
  public:
@@ -79,66 +56,28 @@ bool is_gltf(const fs::path& path) {
   return path.extension() == ".gltf" || path.extension() == ".glb";
 }
 
-// A texture inside the file (compressed, under a name with its type) or beside it.
-core::Image read_texture(const aiScene& scene, const fs::path& mesh_path, const std::string& name) {
-  const aiTexture* embedded = scene.GetEmbeddedTexture(name.c_str());
-  if (embedded == nullptr) return core::to_rgb(core::read_image(mesh_path.parent_path() / name));
-  if (embedded->mHeight != 0) {  // texels, not a compressed file
-    core::Image image(int(embedded->mHeight), int(embedded->mWidth), 3);
-    const aiTexel* texel = embedded->pcData;
-    for (int y = 0; y < image.height(); ++y) {
-      for (int x = 0; x < image.width(); ++x, ++texel) {
-        image(y, x, 0) = core::srgb_decode(float(texel->r) / 255);
-        image(y, x, 1) = core::srgb_decode(float(texel->g) / 255);
-        image(y, x, 2) = core::srgb_decode(float(texel->b) / 255);
-      }
-    }
-    return image;
-  }
-  // The image library reads files: give it one for as long as it takes.
-  const fs::path temporary =
-      fs::temp_directory_path() /
-      ("lightstage-texture-" +
-       db::hash_bytes({reinterpret_cast<const std::uint8_t*>(embedded->pcData), embedded->mWidth}).hex() + "." +
-       embedded->achFormatHint);
-  core::write_file_atomically(temporary, {reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth});
-  struct Remove {
-    const fs::path& path;
-    ~Remove() {
-      std::error_code ignored;
-      fs::remove(path, ignored);
-    }
-  } const remove{temporary};
-  return core::to_rgb(core::read_image(temporary));
-}
-
 class Loader {
  public:
   Loader(const aiScene& scene, const fs::path& path) : scene_(scene), path_(path) {}
 
   void add(const aiMesh& part) {
     const auto base = std::uint32_t(mesh.positions.size());
-    const aiMaterial& material = *scene_.mMaterials[part.mMaterialIndex];
     const int texture = part.HasTextureCoords(0) ? texture_of(part.mMaterialIndex) : kNoTexture;
-    aiColor4D tint(0.5F, 0.5F, 0.5F, 1);
-    const bool coloured = part.HasVertexColors(0);
-    if (coloured || texture != kNoTexture ||
-        aiGetMaterialColor(&material, AI_MATKEY_COLOR_DIFFUSE, &tint) != AI_SUCCESS) {
-      if (coloured || texture != kNoTexture) tint = aiColor4D(1, 1, 1, 1);
-    }
+    const Vec3f plain = material_colour(part.mMaterialIndex);
     for (unsigned i = 0; i < part.mNumVertices; ++i) {
       const aiVector3D p = part.mVertices[i], n = part.mNormals[i];
-      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+      if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) {
         fail("vertex " + std::to_string(i) + " is not finite");
+      }
       mesh.positions.emplace_back(p.x, p.y, p.z);
       mesh.normals.push_back(normalised(Vec3f(n.x, n.y, n.z)));
-      aiColor4D colour = tint;
-      if (coloured && texture == kNoTexture) colour = decoded(part.mColors[0][i]);
-      colours.albedo.emplace_back(std::clamp(colour.r, 0.0F, 1.0F), std::clamp(colour.g, 0.0F, 1.0F),
-                                  std::clamp(colour.b, 0.0F, 1.0F));
-      colours.place.push_back(part.HasTextureCoords(0)
-                                  ? TexturePoint{part.mTextureCoords[0][i].x, part.mTextureCoords[0][i].y}
-                                  : TexturePoint{});
+      if (texture != kNoTexture) {
+        colours.albedo.emplace_back(1.0F, 1.0F, 1.0F);
+        colours.place.push_back({part.mTextureCoords[0][i].x, part.mTextureCoords[0][i].y});
+      } else {
+        colours.albedo.push_back(part.HasVertexColors(0) ? vertex_colour(part.mColors[0][i]) : plain);
+        colours.place.push_back({});
+      }
       colours.texture.push_back(texture);
     }
     for (unsigned i = 0; i < part.mNumFaces; ++i) {
@@ -160,9 +99,19 @@ class Loader {
   MeshColours colours;
 
  private:
-  aiColor4D decoded(aiColor4D c) const {
-    if (is_gltf(path_)) return c;
-    return {core::srgb_decode(c.r), core::srgb_decode(c.g), core::srgb_decode(c.b), c.a};
+  Vec3f vertex_colour(aiColor4D c) const {
+    const auto linear = [&](float v) {
+      v = std::isfinite(v) ? std::clamp(v, 0.0F, 1.0F) : 0;
+      return is_gltf(path_) ? v : core::srgb_decode(v);
+    };
+    return {linear(c.r), linear(c.g), linear(c.b)};
+  }
+
+  // Of what has neither texture nor vertex colours; mid-grey where the file says nothing.
+  Vec3f material_colour(unsigned material_index) const {
+    aiColor4D colour(0.5F, 0.5F, 0.5F, 1);
+    aiGetMaterialColor(scene_.mMaterials[material_index], AI_MATKEY_COLOR_DIFFUSE, &colour);
+    return {std::clamp(colour.r, 0.0F, 1.0F), std::clamp(colour.g, 0.0F, 1.0F), std::clamp(colour.b, 0.0F, 1.0F)};
   }
 
   // The index in `colours.textures` of a material's base colour, read at its first use.

@@ -1,0 +1,78 @@
+#include "sim/subjects/texture.h"
+
+#include <assimp/scene.h>
+
+#include <random>
+#include <system_error>
+
+#include "core/display.h"
+#include "core/file.h"
+#include "core/image_file.h"
+
+namespace lightstage::sim {
+namespace {
+
+namespace fs = std::filesystem;
+
+// The image library reads files, so bytes in memory become one for as long as it reads.
+class TemporaryFile {
+ public:
+  TemporaryFile(std::string_view bytes, const std::string& extension) {
+    std::random_device random;
+    path_ = fs::temp_directory_path() /
+            ("lightstage-texture-" + std::to_string(random()) + "-" + std::to_string(random()) + "." + extension);
+    core::write_file_atomically(path_, bytes);
+  }
+  ~TemporaryFile() {
+    std::error_code ignored;
+    fs::remove(path_, ignored);
+  }
+  TemporaryFile(const TemporaryFile&) = delete;
+  TemporaryFile& operator=(const TemporaryFile&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+core::Image from_texels(const aiTexture& texture) {
+  core::Image image(int(texture.mHeight), int(texture.mWidth), 3);
+  const aiTexel* texel = texture.pcData;
+  for (std::size_t i = 0; i < image.values().size(); i += 3, ++texel) {
+    image.values()[i] = core::srgb_decode(float(texel->r) / 255);
+    image.values()[i + 1] = core::srgb_decode(float(texel->g) / 255);
+    image.values()[i + 2] = core::srgb_decode(float(texel->b) / 255);
+  }
+  return image;
+}
+
+}  // namespace
+
+Vec3f look_up(const core::Image& texture, TexturePoint place) {
+  if (!std::isfinite(place.u) || !std::isfinite(place.v)) place = {};
+  const auto wrap = [](int i, int n) { return ((i % n) + n) % n; };
+  const float x = (place.u - std::floor(place.u)) * float(texture.width()) - 0.5F;
+  const float y = (1 - (place.v - std::floor(place.v))) * float(texture.height()) - 0.5F;
+  const float left = std::floor(x), top = std::floor(y);
+  const int x0 = wrap(int(left), texture.width()), x1 = wrap(int(left) + 1, texture.width());
+  const int y0 = wrap(int(top), texture.height()), y1 = wrap(int(top) + 1, texture.height());
+  const auto texel = [&](int row, int column) {
+    const float* p = texture.pixel(row, column);
+    return Vec3f(p[0], p[1], p[2]);
+  };
+  const Vec3f above = lerp(texel(y0, x0), texel(y0, x1), x - left);
+  const Vec3f below = lerp(texel(y1, x0), texel(y1, x1), x - left);
+  return lerp(above, below, y - top);
+}
+
+core::Image read_texture(const aiScene& scene, const fs::path& mesh_path, const std::string& name) {
+  const aiTexture* embedded = scene.GetEmbeddedTexture(name.c_str());
+  if (embedded == nullptr) return core::to_rgb(core::read_image(mesh_path.parent_path() / name));
+  if (embedded->mHeight != 0) return from_texels(*embedded);
+  // Otherwise mWidth counts the bytes of a compressed picture.
+  const TemporaryFile file({reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth},
+                           embedded->achFormatHint);
+  return core::to_rgb(core::read_image(file.path()));
+}
+
+}  // namespace lightstage::sim
