@@ -26,12 +26,11 @@ class LedController {
 };
 
 struct CameraFrame {
-  core::Image image;      // linear radiance, already freed of black level; 1 or 3 channels
-  double saturation = 0;  // radiance at which the sensor clips
-  std::int64_t sequence_number =
-      0;  // counts the camera's exposures; gaps are lost frames, repeats are duplicates
-  core::Nanoseconds timestamp = 0;  // start of exposure, on the session's clock
-  bool damaged = false;             // the driver flagged it as incomplete
+  core::Image image;                 // linear radiance, already freed of black level; 1 or 3 channels
+  double saturation = 0;             // radiance at which the sensor clips
+  std::int64_t sequence_number = 0;  // counts the camera's exposures; gaps are lost frames, repeats are duplicates
+  core::Nanoseconds timestamp = 0;   // start of exposure, on the session's clock
+  bool damaged = false;              // the driver flagged it as incomplete
 };
 
 class Camera {

@@ -80,6 +80,8 @@ class Session {
         for (CameraFeed* feed : missing) receive(*feed, step, trigger_time, trouble);
       } catch (const core::DeviceError& error) {
         trouble = error.what();
+        // A device that failed may have started anew.
+        for (CameraFeed& feed : feeds_) feed.forget_exposure();
       }
       store_received(step, attempt, progress);
     }
@@ -163,8 +165,8 @@ class Session {
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options) {
   check(scan, sequence, rig, options);
-  const core::InterruptGuard
-      interrupt_guard;  // outlives the lights: they go off before a signal may end the process
+  // Made first, so that signals are held back until the lights are off.
+  const core::InterruptGuard interrupt_guard;
   LightsOffGuard lights_off(rig.lights);
   Session session(store, scan, sequence, rig, options);
   const SessionReport report = session.run();

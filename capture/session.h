@@ -20,7 +20,7 @@ struct Rig {
 };
 
 struct SessionOptions {
-  int attempts = 4;  // tries for a frame before the session gives up
+  int attempts = 4;                                            // tries for a frame before the session gives up
   core::Nanoseconds frame_timeout = 500 * core::kMillisecond;  // from the end of the exposure
 };
 
@@ -36,17 +36,21 @@ struct SessionReport {
   core::Nanoseconds duration = 0;
 };
 
-// Takes every frame of `scan` that the store does not hold yet: for each step, lights on, settle, trigger,
-// one frame of each camera. A frame belongs to a step only when its time stamp is not before the trigger and
-// its sequence number is higher than all that the camera sent before; anything else is discarded, and missing
-// frames are retaken (with the step's light on, all cameras are triggered, and those that have their frame
-// already are ignored). Lights change only after every frame has come or is given up, so a late frame is
-// turned away by its time stamp. A DeviceError of any device costs one try. Every light is off afterwards on
-// every way out: return, exception, SIGINT, SIGTERM (stops between frames with Interrupted; what was stored
-// stays, and running again resumes). A controller that does not turn its lights off is asked five times.
-// Throws UsageError when the scan in the store has another sequence or other cameras, BadInput when the
-// sequence names lights that the rig does not have (nothing is lit then), and DeviceError when a frame does
-// not come in `attempts` tries, naming step, light, camera and the last trouble.
+// Takes every frame of `scan` that the store does not hold yet: for each step, lights on, settle, trigger, one
+// frame of each camera.
+//
+// A frame belongs to a step only when its time stamp is not before the trigger and its sequence number is higher
+// than all that the camera sent before; anything else is discarded, and missing frames are retaken: all cameras
+// are triggered again, those that have their frame are ignored. Lights change only after every frame has come or
+// is given up, so a late frame is turned away by its time stamp. A DeviceError of any device costs one try.
+//
+// Every light is off afterwards on every way out: return, exception, SIGINT, SIGTERM (stops between frames with
+// Interrupted; what was stored stays, and running again resumes). A controller that fails to turn its lights off is
+// asked five times; then DeviceError, or a warning when another exception is on its way.
+//
+// Throws UsageError when the scan in the store has another sequence or other cameras, BadInput when the sequence
+// names lights that the rig does not have (nothing is lit then), and DeviceError when a frame does not come in
+// `attempts` tries, naming step, light, camera and the last trouble.
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options = {});
 

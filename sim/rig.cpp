@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "sim/devices/led_bank.h"
-#include "sim/noise/counter_random.h"
+#include "sim/scene/random.h"
 #include "sim/sensor.h"
 
 namespace lightstage::sim {
@@ -14,8 +14,8 @@ namespace {
 
 constexpr core::Nanoseconds kShortestExposure = 1000, kLongestExposure = 10 * core::kSecond;
 
-// What a random number is for: keeps the streams apart.
-enum Purpose : std::uint64_t { kJitter = 1, kDrop, kSensor };
+// What random numbers are for: keeps their streams apart, and those of the subject's motion.
+enum Purpose : std::uint64_t { kJitter = 0x7269670001, kDrop, kSensor };
 
 bool contains(const std::vector<int>& list, int value) {
   return std::find(list.begin(), list.end(), value) != list.end();
@@ -31,8 +31,7 @@ class SimulatedLights : public capture::LedController {
   std::size_t light_count() const override { return leds_.light_count(); }
 
   void show(std::span<const capture::LightLevel> levels) override {
-    if (contains(faults_.light_timeouts, shows_++))
-      throw core::DeviceError("simulated LED controller: no answer");
+    if (contains(faults_.light_timeouts, shows_++)) throw core::DeviceError("simulated LED controller: no answer");
     for (const capture::LightLevel& l : levels) check(l);
     leds_.show(clock_.now(), levels);
   }
@@ -46,9 +45,8 @@ class SimulatedLights : public capture::LedController {
     const auto good = [](float v) { return v >= 0 && v <= 1; };
     const bool known = l.light_index >= 0 && static_cast<std::size_t>(l.light_index) < leds_.light_count();
     if (!known || !good(l.r) || !good(l.g) || !good(l.b)) {
-      throw core::DeviceError("simulated LED controller: cannot show light " + std::to_string(l.light_index) +
-                              " at " + std::to_string(l.r) + ", " + std::to_string(l.g) + ", " +
-                              std::to_string(l.b));
+      throw core::DeviceError("simulated LED controller: cannot show light " + std::to_string(l.light_index) + " at " +
+                              std::to_string(l.r) + ", " + std::to_string(l.g) + ", " + std::to_string(l.b));
     }
   }
 
@@ -71,8 +69,7 @@ class SimulatedCamera : public capture::Camera {
 
   void set_exposure(core::Nanoseconds exposure) override {
     if (exposure < kShortestExposure || exposure > kLongestExposure) {
-      throw core::DeviceError("simulated camera '" + camera_.name +
-                              "': exposures are 0.001 to 10000 ms, not " +
+      throw core::DeviceError("simulated camera '" + camera_.name + "': exposures are 0.001 to 10000 ms, not " +
                               std::to_string(static_cast<double>(exposure) / 1e6));
     }
     exposure_ = exposure;
@@ -80,15 +77,14 @@ class SimulatedCamera : public capture::Camera {
 
   // A camera that is exposing already misses the trigger, as real ones do.
   void trigger(int exposure_number) {
-    if (exposure_ == 0)
-      throw core::DeviceError("simulated camera '" + camera_.name + "': no exposure time was set");
+    if (exposure_ == 0) throw core::DeviceError("simulated camera '" + camera_.name + "': no exposure time was set");
     const core::Nanoseconds now = clock_.now();
     if (now < busy_until_) return;
     const Pending pending{now + delay(now), exposure_, sequence_number_++,
                           contains(faults().damage_exposures, exposure_number)};
     busy_until_ = pending.end();
     if (contains(faults().drop_exposures, exposure_number)) return;
-    if (uniform(random(kDrop, now)) < faults().drop_probability) return;
+    if (uniform(seed_for(kDrop, now), 0) < faults().drop_probability) return;
     pending_.push_back(pending);
     if (contains(faults().duplicate_exposures, exposure_number)) pending_.push_back(pending);
   }
@@ -121,15 +117,15 @@ class SimulatedCamera : public capture::Camera {
 
   // Times name the random numbers, not counters: a pass that is resumed does not repeat the noise or the
   // drops it began with.
-  std::uint64_t random(Purpose purpose, core::Nanoseconds time) const {
-    return random_key({world_.simulation().seed, purpose, camera_index_, static_cast<std::uint64_t>(time)});
+  std::uint64_t seed_for(Purpose purpose, core::Nanoseconds time) const {
+    const std::uint64_t stream = mix(mix(world_.simulation().seed, purpose), camera_index_);
+    return mix(stream, static_cast<std::uint64_t>(time));
   }
 
   // Jitter about a fixed delay long enough that no exposure begins before its trigger.
   core::Nanoseconds delay(core::Nanoseconds now) const {
-    const std::uint64_t key = random(kJitter, now);
-    const double z = normal_pair(random_bits(key, 0), random_bits(key, 1)).first;
-    return std::llround(std::max(0.0, 4 + z) * static_cast<double>(faults().trigger_jitter));
+    const double jitter = std::max(0.0, 4 + normal(seed_for(kJitter, now), 0));
+    return std::llround(jitter * static_cast<double>(faults().trigger_jitter));
   }
 
   capture::CameraFrame deliver(const Pending& pending) const {
@@ -137,7 +133,7 @@ class SimulatedCamera : public capture::Camera {
                                                pending.start + pending.exposure / 2);
     capture::CameraFrame frame;
     frame.image = sense(radiance, world_.simulation().sensor, camera_.responsivity, pending.exposure,
-                        random(kSensor, pending.start));
+                        seed_for(kSensor, pending.start));
     frame.saturation = saturation_radiance(camera_.responsivity, pending.exposure);
     frame.sequence_number = pending.sequence_number;
     frame.timestamp = pending.start;
@@ -184,8 +180,7 @@ struct SimulatedRig::Impl : capture::Trigger {
   int exposures = 0;
 };
 
-SimulatedRig::SimulatedRig(const World& world, core::Clock& clock)
-    : impl_(std::make_unique<Impl>(world, clock)) {}
+SimulatedRig::SimulatedRig(const World& world, core::Clock& clock) : impl_(std::make_unique<Impl>(world, clock)) {}
 SimulatedRig::~SimulatedRig() = default;
 
 capture::Rig SimulatedRig::rig() {

@@ -2,8 +2,8 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "sim/noise/counter_random.h"
-#include "sim/noise/poisson.h"
+#include "sim/devices/poisson.h"
+#include "sim/scene/random.h"
 
 namespace lightstage::sim {
 
@@ -17,8 +17,7 @@ double seconds(core::Nanoseconds time) {
   return static_cast<double>(time) * 1e-9;
 }
 
-void check(core::ImageView radiance, const SensorSpec& spec, double responsivity,
-           core::Nanoseconds exposure) {
+void check(core::ImageView radiance, const SensorSpec& spec, double responsivity, core::Nanoseconds exposure) {
   const auto require = [](bool condition, const char* problem) {
     if (!condition) throw core::BadInput(std::string("simulated sensor: ") + problem);
   };
@@ -39,15 +38,14 @@ int bayer_channel(int y, int x) {
 // From signal in full scales to what the converter gives, in full scales.
 class Converter {
  public:
-  Converter(const SensorSpec& spec, std::uint64_t noise_seed) : spec_(spec), seed_(noise_seed) {}
+  Converter(const SensorSpec& spec, std::uint64_t noise_seed)
+      : spec_(spec), shot_seed_(mix(noise_seed, 0)), read_seed_(mix(noise_seed, 1)) {}
 
+  // `sample` counts the measured values of the image.
   double convert(double signal, std::uint64_t sample) const {
     if (!spec_.noise) return std::min(signal, 1.0);
-    const std::uint64_t n = 3 * sample;
-    const auto [z_shot, z_read] = normal_pair(random_bits(seed_, n), random_bits(seed_, n + 1));
-    const double electrons =
-        poisson(signal * spec_.full_well_electrons, uniform(random_bits(seed_, n + 2)), z_shot) +
-        spec_.read_noise_electrons * z_read;
+    const double electrons = poisson(signal * spec_.full_well_electrons, shot_seed_, sample) +
+                             spec_.read_noise_electrons * normal(read_seed_, sample);
     return quantise(electrons / spec_.full_well_electrons);
   }
 
@@ -58,7 +56,7 @@ class Converter {
   }
 
   const SensorSpec& spec_;
-  std::uint64_t seed_;
+  std::uint64_t shot_seed_, read_seed_;
   double top_ = std::exp2(spec_.bits) - 1;
   double black_ = std::floor(std::exp2(spec_.bits) / 64);
 };
@@ -105,8 +103,8 @@ double saturation_radiance(double responsivity, core::Nanoseconds exposure) {
   return 1 / (responsivity * seconds(exposure));
 }
 
-core::Image sense(core::ImageView radiance, const SensorSpec& spec, double responsivity,
-                  core::Nanoseconds exposure, std::uint64_t noise_seed) {
+core::Image sense(core::ImageView radiance, const SensorSpec& spec, double responsivity, core::Nanoseconds exposure,
+                  std::uint64_t noise_seed) {
   check(radiance, spec, responsivity, exposure);
   const core::ImageSize size = radiance.size();
   const double saturation = saturation_radiance(responsivity, exposure);

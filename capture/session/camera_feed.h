@@ -17,8 +17,9 @@ class CameraFeed {
 
   const std::string& name() const { return name_; }
 
-  // Asks the camera only when it changes.
+  // Asks the camera only when it changes, or was forgotten.
   void set_exposure(core::Nanoseconds exposure);
+  void forget_exposure() { exposure_.reset(); }
 
   // Throws away what is queued now; how many frames that was. Throws DeviceError when they never end (a
   // camera that runs free).

@@ -9,8 +9,7 @@ LedBank::LedBank(std::size_t light_count, core::Nanoseconds rise_time)
 
 double LedBank::level_after(double start, double target, core::Nanoseconds elapsed) const {
   if (target <= start || rise_time_ <= 0) return target;
-  return target -
-         (target - start) * std::exp(-static_cast<double>(elapsed) / static_cast<double>(rise_time_));
+  return target - (target - start) * std::exp(-static_cast<double>(elapsed) / static_cast<double>(rise_time_));
 }
 
 // Of the level from `from` to `to` after the change. With x = (to - from) / rise time the integral of the
@@ -61,8 +60,8 @@ std::vector<capture::LightLevel> LedBank::mean_levels(core::Nanoseconds begin, c
     if (from >= to) continue;
     for (std::size_t i = 0; i < light_count_; ++i) {
       for (std::size_t c = 0; c < 3; ++c) {
-        integrals[i][c] += integral_ns(change.leds[i].start[c], change.leds[i].target[c], from - change.time,
-                                       to - change.time);
+        integrals[i][c] +=
+            integral_ns(change.leds[i].start[c], change.leds[i].target[c], from - change.time, to - change.time);
       }
     }
   }
@@ -78,8 +77,7 @@ std::vector<capture::LightLevel> LedBank::mean_levels(core::Nanoseconds begin, c
 
 void LedBank::forget_before(core::Nanoseconds t) {
   // The last change at or before t still decides the levels after it.
-  const auto later =
-      std::find_if(changes_.begin(), changes_.end(), [t](const Change& c) { return c.time > t; });
+  const auto later = std::find_if(changes_.begin(), changes_.end(), [t](const Change& c) { return c.time > t; });
   if (later - changes_.begin() > 1) changes_.erase(changes_.begin(), later - 1);
 }
 

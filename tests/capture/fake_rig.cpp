@@ -59,7 +59,9 @@ class FakeRig::Camera : public capture::Camera {
 
   void lights_changed() {
     for (Queued& queued : queue_) {
-      if (rig_.clock_.now() < queued.exposure_end) queued.frame.image = picture(kMixed);
+      if (queued.frame.damaged || rig_.clock_.now() >= queued.exposure_end) continue;
+      const bool begun = rig_.clock_.now() > queued.frame.timestamp;
+      queued.frame.image = picture(begun ? kMixed : value_for(rig_.lit_, rig_.light_count_));
     }
   }
 
@@ -116,9 +118,7 @@ float FakeRig::value_for(const std::vector<capture::LightLevel>& levels, std::si
 }
 
 FakeRig::FakeRig(std::size_t light_count, std::size_t camera_count)
-    : light_count_(light_count),
-      lights_(std::make_unique<Lights>(*this)),
-      trigger_(std::make_unique<Trigger>(*this)) {
+    : light_count_(light_count), lights_(std::make_unique<Lights>(*this)), trigger_(std::make_unique<Trigger>(*this)) {
   for (std::size_t i = 0; i < camera_count; ++i) {
     cameras_.push_back(std::make_unique<Camera>(*this, i));
     camera_pointers_.push_back(cameras_.back().get());

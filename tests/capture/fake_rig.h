@@ -40,9 +40,7 @@ class FakeRig {
                        bool damaged = false);
 
   // Scripts; exposures and calls count from 0.
-  std::function<Delivery(std::size_t camera, int exposure)> delivery = [](std::size_t, int) {
-    return Delivery{};
-  };
+  std::function<Delivery(std::size_t camera, int exposure)> delivery = [](std::size_t, int) { return Delivery{}; };
   std::function<void(int exposure)> on_fire = [](int) {};
   std::set<int> show_failures;  // show calls that throw DeviceError
   int all_off_failures = 0;     // this many all_off calls throw first

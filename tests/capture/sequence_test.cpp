@@ -25,8 +25,7 @@ bool same(const Sequence& a, const Sequence& b) {
   const auto same_step = [](const db::Step& x, const db::Step& y) {
     return x.step_index == y.step_index && capture::same_shot(x, y);
   };
-  return a.settle == b.settle &&
-         std::equal(a.steps.begin(), a.steps.end(), b.steps.begin(), b.steps.end(), same_step);
+  return a.settle == b.settle && std::equal(a.steps.begin(), a.steps.end(), b.steps.begin(), b.steps.end(), same_step);
 }
 
 std::string message_of(const std::string& toml, std::size_t light_count = 10) {
@@ -56,9 +55,8 @@ TEST_CASE("an OLAT sequence has dark, full-on, every light once, tracking frames
   options.dark_frames = 2;
   const Sequence sequence = capture::make_olat_sequence(options);
   using enum StepKind;
-  CHECK(kinds(sequence) == std::vector<StepKind>{kDark, kDark, kFullOn, kTracking, kLight, kLight, kLight,
-                                                 kTracking, kLight, kLight, kLight, kTracking, kLight,
-                                                 kTracking});
+  CHECK(kinds(sequence) == std::vector<StepKind>{kDark, kDark, kFullOn, kTracking, kLight, kLight, kLight, kTracking,
+                                                 kLight, kLight, kLight, kTracking, kLight, kTracking});
   int next_light = 0;
   for (std::size_t i = 0; i < sequence.steps.size(); ++i) {
     const db::Step& step = sequence.steps[i];
@@ -77,8 +75,7 @@ TEST_CASE("tracking, dark and full-on frames can be left out") {
   options.tracking_every = 0;
   options.dark_frames = 0;
   options.full_on = false;
-  CHECK(kinds(capture::make_olat_sequence(options)) ==
-        std::vector<StepKind>{StepKind::kLight, StepKind::kLight});
+  CHECK(kinds(capture::make_olat_sequence(options)) == std::vector<StepKind>{StepKind::kLight, StepKind::kLight});
 }
 
 TEST_CASE("the full-on exposure goes down with the number of lights and never clips") {
@@ -88,8 +85,7 @@ TEST_CASE("the full-on exposure goes down with the number of lights and never cl
     CHECK(full_on > 0);
     CHECK(full_on <= exposure);
     // n / 4 times the light of one; one light head-on may take 0.9 of the scale.
-    if (n >= 4)
-      CHECK(static_cast<double>(full_on) * static_cast<double>(n) / 4 <= static_cast<double>(exposure));
+    if (n >= 4) CHECK(static_cast<double>(full_on) * static_cast<double>(n) / 4 <= static_cast<double>(exposure));
   }
   CHECK(capture::default_full_on_exposure(exposure, 180) == 333'333);
   OlatOptions options;
@@ -132,8 +128,7 @@ TEST_CASE("steps that light what is not there are refused") {
   refused(step_of(StepKind::kLight, 3), "light 3 is not one of the stage's 3 (counted from 0)");
   refused(step_of(StepKind::kLight, -1), "light -1 is not one of the stage's 3 (counted from 0)");
   refused(step_of(StepKind::kLight), "it lights one light but does not say which");
-  refused(step_of(StepKind::kPattern, {}, "[[3,1,1,1]]"),
-          "light 3 is not one of the stage's 3 (counted from 0)");
+  refused(step_of(StepKind::kPattern, {}, "[[3,1,1,1]]"), "light 3 is not one of the stage's 3 (counted from 0)");
   refused(step_of(StepKind::kPattern, {}, "[[1,1,1,1],[1,0,0,0]]"), "its pattern lists light 1 twice");
   refused(step_of(StepKind::kPattern, {}, "[[1,1,1,1.5]]"), "a level of its pattern is not within 0 and 1");
   refused(step_of(StepKind::kPattern, {}, "[[1,1,1,null]]"), "a level of its pattern is not a number");
@@ -166,9 +161,9 @@ TEST_CASE("a sequence file reads back exactly") {
   options.exposure = 16'666'667;
   Sequence sequence = capture::make_olat_sequence(options);
   sequence.settle = 1'234'567;
-  db::Step pattern = step_of(StepKind::kPattern, {},
-                             capture::pattern_of(std::vector<LightLevel>{
-                                 {179, 0.1f, 1.0f / 3, 0}, {0, 1, std::nextafter(1.0f, 0.0f), 0.5f}}));
+  db::Step pattern = step_of(
+      StepKind::kPattern, {},
+      capture::pattern_of(std::vector<LightLevel>{{179, 0.1f, 1.0f / 3, 0}, {0, 1, std::nextafter(1.0f, 0.0f), 0.5f}}));
   db::Step dark_pattern = step_of(StepKind::kPattern, {}, "[]");
   db::Step backwards = step_of(StepKind::kLight, 5), longest = step_of(StepKind::kLight, 6);
   longest.exposure_ns = 3600 * core::kSecond;
@@ -182,8 +177,7 @@ TEST_CASE("a sequence file reads back exactly") {
   // Ten lights between two tracking frames are one entry: 3 dark, full-on, 18 x (tracking + run), tracking,
   // and the five above.
   std::size_t entries = 0;
-  for (std::size_t at = text.find("[[step]]"); at != std::string::npos; at = text.find("[[step]]", at + 1))
-    ++entries;
+  for (std::size_t at = text.find("[[step]]"); at != std::string::npos; at = text.find("[[step]]", at + 1)) ++entries;
   CHECK(entries == 3 + 1 + 18 * 2 + 1 + 5);
 
   const test::TemporaryFolder folder;
@@ -206,15 +200,12 @@ TEST_CASE("random sequences read back exactly") {
       if (kind == StepKind::kPattern) {
         std::vector<LightLevel> levels;
         for (int light = 0; light < 3; ++light) {
-          const auto level = [&] {
-            return static_cast<float>(below(1u << 24)) / static_cast<float>((1u << 24) - 1);
-          };
+          const auto level = [&] { return static_cast<float>(below(1u << 24)) / static_cast<float>((1u << 24) - 1); };
           if (below(2) == 0) levels.push_back({light, level(), level(), level()});
         }
         step.pattern = capture::pattern_of(levels);
       }
-      step.exposure_ns =
-          below(2) == 0 ? 20'000'000 : static_cast<core::Nanoseconds>(1 + below(3'600'000'000'000));
+      step.exposure_ns = below(2) == 0 ? 20'000'000 : static_cast<core::Nanoseconds>(1 + below(3'600'000'000'000));
       step.step_index = static_cast<int>(i);
       sequence.steps.push_back(step);
     }
@@ -225,8 +216,8 @@ TEST_CASE("random sequences read back exactly") {
 }
 
 TEST_CASE("hand-written sequence files may leave the settling time out") {
-  const Sequence sequence = capture::parse_sequence(
-      "[[step]]\nkind = \"light\"\nlights = [2, 4]\nexposure_ms = 5\n", "sequence.toml", 10);
+  const Sequence sequence =
+      capture::parse_sequence("[[step]]\nkind = \"light\"\nlights = [2, 4]\nexposure_ms = 5\n", "sequence.toml", 10);
   CHECK(sequence.settle == Sequence().settle);
   REQUIRE(sequence.steps.size() == 3);
   CHECK(sequence.steps[2].light_index == 4);
@@ -244,10 +235,8 @@ TEST_CASE("malformed sequence files are refused with file, line and key") {
   CHECK(with("kind = \"light\"\n") == "sequence.toml:3: key 'step[0].light' is missing");
   CHECK(with("kind = \"light\"\nlight = 10\n") == "sequence.toml:6: key 'step[0].light'" + no_such_light);
   CHECK(with("kind = \"light\"\nlight = -1\n") == "sequence.toml:6: key 'step[0].light'" + no_such_light);
-  CHECK(with("kind = \"light\"\nlights = [0, 10]\n") ==
-        "sequence.toml:6: key 'step[0].lights'" + no_such_light);
-  CHECK(with("kind = \"light\"\nlights = [0.5, 3]\n") ==
-        "sequence.toml:6: key 'step[0].lights'" + no_such_light);
+  CHECK(with("kind = \"light\"\nlights = [0, 10]\n") == "sequence.toml:6: key 'step[0].lights'" + no_such_light);
+  CHECK(with("kind = \"light\"\nlights = [0.5, 3]\n") == "sequence.toml:6: key 'step[0].lights'" + no_such_light);
   CHECK(with("kind = \"light\"\nlights = [4, 3]\n") ==
         "sequence.toml:6: key 'step[0].lights' must be [first, last] with first <= last");
   CHECK(with("kind = \"light\"\nlights = [4, 5, 6]\n") ==
@@ -274,6 +263,7 @@ TEST_CASE("malformed sequence files are refused with file, line and key") {
         std::string::npos);
   CHECK(message_of(exposure + "1\nlights\n").starts_with("sequence.toml:4: "));
   // A huge range is refused before it fills the memory.
-  CHECK(message_of("[[step]]\nkind = \"light\"\nlights = [0, 4000000]\nexposure_ms = 1\n", 5'000'000)
-            .find("a million") != std::string::npos);
+  CHECK(
+      message_of("[[step]]\nkind = \"light\"\nlights = [0, 4000000]\nexposure_ms = 1\n", 5'000'000).find("a million") !=
+      std::string::npos);
 }

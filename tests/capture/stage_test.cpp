@@ -139,8 +139,7 @@ TEST_CASE("layouts out of range are refused") {
   };
   CHECK(message([](LayoutOptions& o) { o.lights = 0; }) == "stage layout: 1 to 10000 lights");
   CHECK(message([](LayoutOptions& o) { o.lights = 10001; }) == "stage layout: 1 to 10000 lights");
-  CHECK(message([](LayoutOptions& o) { o.radius_m = NAN; }) ==
-        "stage layout: the radius must be 0.1 to 100 m");
+  CHECK(message([](LayoutOptions& o) { o.radius_m = NAN; }) == "stage layout: the radius must be 0.1 to 100 m");
   CHECK(message([](LayoutOptions& o) { o.cameras = 0; }) == "stage layout: 1 to 12 cameras can be placed");
   CHECK(message([](LayoutOptions& o) { o.cameras = 13; }) == "stage layout: 1 to 12 cameras can be placed");
   CHECK(message([](LayoutOptions& o) { o.camera_pixels = 7; }) ==
@@ -226,11 +225,10 @@ TEST_CASE("a stage file reads back bit for bit") {
 }
 
 TEST_CASE("a stage file needs no simulation table") {
-  const Stage stage =
-      capture::parse_stage(changed("[simulation]\nseed = 1\nmount_error_degrees = 0.0\n"
-                                   "gain_spread = 0.0\nled_radius_m = 0.012\ndead_lights = []\n",
-                                   ""),
-                           "stage.toml");
+  const Stage stage = capture::parse_stage(changed("[simulation]\nseed = 1\nmount_error_degrees = 0.0\n"
+                                                   "gain_spread = 0.0\nled_radius_m = 0.012\ndead_lights = []\n",
+                                                   ""),
+                                           "stage.toml");
   CHECK(stage.simulation.led_radius_m == 0.012);
   CHECK(stage.simulation.dead_lights.empty());
 }
@@ -279,8 +277,7 @@ TEST_CASE("malformed stage files are refused with file, line and key") {
   expect("name = \"cam1\"", "name = \"cam0\"", "camera[1].name", "is another camera's already");
   expect("width_pixels = 512", "width_pixels = 0", "camera[0].width_pixels", "must be 1 to 65536");
   expect("right = [1.0", "right = [1.1", "camera[0].right", "is not a unit vector");
-  expect("responsivity_per_s = ", "responsivity_per_s = -", "camera[0].responsivity_per_s",
-         "must be above 0");
+  expect("responsivity_per_s = ", "responsivity_per_s = -", "camera[0].responsivity_per_s", "must be above 0");
   expect("dead_lights = []", "dead_lights = [3]", "simulation.dead_lights",
          "must hold indices of the stage's 3 lights, from 0");
   expect("dead_lights = []", "dead_lights = [0.5]", "simulation.dead_lights",
@@ -302,6 +299,5 @@ TEST_CASE("lights at the centre and stages without lights are refused") {
   CHECK(message_of(head + "[[light]]\nposition_m = [0, 0.0, 0]\n") ==
         "stage.toml:" + std::to_string(line + 1) +
             ": key 'light[0].position_m' is the stage centre: a light there has no direction");
-  CHECK(message_of(head).find("key 'light' is missing: a stage needs at least one [[light]]") !=
-        std::string::npos);
+  CHECK(message_of(head).find("key 'light' is missing: a stage needs at least one [[light]]") != std::string::npos);
 }
