@@ -14,11 +14,12 @@ namespace {
 
 using core::Vec3;
 
-constexpr double kRimPx = 2;             // pixels this near the outline also see the background
-constexpr double kLeastCosine = 0.15;    // below it the lamp's size and the surface's gloss matter
-constexpr double kClippedShare = 0.97;   // of the saturation
+constexpr double kRimPx = 2;            // pixels this near the outline also see the background
+constexpr double kLeastCosine = 0.15;   // below it the lamp's size and the surface's gloss matter
+constexpr double kClippedShare = 0.97;  // of the saturation
 constexpr int kLeastPixels = 64;
-constexpr double kFloorOfVariance = 0.05;  // read noise next to shot noise, on the scale of a white surface facing the light
+constexpr double kFloorOfVariance =
+    0.05;  // read noise next to shot noise, on the scale of a white surface facing the light
 
 // A pixel that sees the lit ball.
 struct Sample {
@@ -64,8 +65,8 @@ struct ChannelFit {
   double sigma = 0;
 };
 
-// Weighted least squares through the origin; the variance of a pixel grows with its signal. Pixels more than four robust standard
-// deviations off (dust, gloss, a label) are left out, three times over.
+// Weighted least squares through the origin; the variance of a pixel grows with its signal. Pixels more than
+// four robust standard deviations off (dust, gloss, a label) are left out, three times over.
 template <class Value>
 ChannelFit fit_channel(const std::vector<Sample>& samples, Value value) {
   const auto weight = [](const Sample& s) { return 1 / (s.predicted + kFloorOfVariance); };
@@ -98,8 +99,8 @@ ChannelFit fit_channel(const std::vector<Sample>& samples, Value value) {
 
 }  // namespace
 
-GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball, double albedo,
-                           core::Vec3 light_position, double saturation) {
+GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball,
+                           double albedo, core::Vec3 light_position, double saturation) {
   if (!(albedo > 0) || !std::isfinite(albedo)) throw core::BadInput("grey ball: its albedo must be positive");
   require_picture_of(picture, camera, "grey ball");
   if (picture.channels() != 1 && picture.channels() != 3) {
@@ -111,14 +112,16 @@ GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& cam
   GainEstimate estimate;
   const std::vector<Sample> samples = lit_samples(picture, camera, ball, albedo, light_position, saturation);
   if (samples.size() < std::size_t(kLeastPixels)) {
-    estimate.reason = "only " + std::to_string(samples.size()) + " pixels of the ball are lit, seen and not clipped";
+    estimate.reason =
+        "only " + std::to_string(samples.size()) + " pixels of the ball are lit, seen and not clipped";
     return estimate;
   }
   double gain_sum = 0;
   double variance_sum = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const std::size_t channel = picture.channels() == 3 ? c : 0;
-    const ChannelFit fit = fit_channel(samples, [channel](const Sample& s) { return double(s.pixel[channel]); });
+    const ChannelFit fit =
+        fit_channel(samples, [channel](const Sample& s) { return double(s.pixel[channel]); });
     estimate.gain[c] = fit.gain;
     gain_sum += fit.gain;
     variance_sum += fit.sigma * fit.sigma;

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <numbers>
 
-#include "calib/outline/blob.h"
 #include "calib/ball/cone.h"
 #include "calib/ball/hit.h"
+#include "calib/outline/blob.h"
 #include "calib/outline/edge.h"
 #include "calib/robust/quantile.h"
 #include "core/error.h"
@@ -16,13 +16,14 @@ namespace lightstage::calib {
 namespace {
 
 constexpr double kSmallestRadiusPx = 8;
-constexpr double kLeastShareSeen = 2.0 / 3.0;      // of the outline, inside the picture
-constexpr double kLeastShareAgreeing = 0.6;        // of the outline points found
+constexpr double kLeastShareSeen = 2.0 / 3.0;  // of the outline, inside the picture
+constexpr double kLeastShareAgreeing = 0.6;    // of the outline points found
 constexpr double kLargestRmsPx = 1.0;
 constexpr double kContourTolerancePx = 1.5;
 constexpr double kLeastStepInSigmas = 3;
 
-// The picture as it is sampled along lines: highlights are cut down to twice the ball's own level, since only the rim matters.
+// The picture as it is sampled along lines: highlights are cut down to twice the ball's own level, since only
+// the rim matters.
 class CappedPicture {
  public:
   CappedPicture(core::ImageView luminance, double cap) : luminance_(luminance), cap_(cap) {}
@@ -52,7 +53,8 @@ struct OutlineLine {
   std::vector<double> samples;
 };
 
-// Lines across the expected outline, one every pixel of its length or 1024; those that leave the picture are left out.
+// Lines across the expected outline, one every pixel of its length or 1024; those that leave the picture are
+// left out.
 struct OutlineLines {
   std::vector<OutlineLine> inside_picture;
   int asked = 0;
@@ -80,7 +82,8 @@ OutlineLines sample_across(const CappedPicture& picture, const core::CameraModel
       if (!picture.contains(p)) break;
       line.samples.push_back(picture.sample(p));
     }
-    if (static_cast<int>(line.samples.size()) == model.sample_count()) lines.inside_picture.push_back(std::move(line));
+    if (static_cast<int>(line.samples.size()) == model.sample_count())
+      lines.inside_picture.push_back(std::move(line));
   }
   return lines;
 }
@@ -109,7 +112,8 @@ RimPoints find_rim(const OutlineLines& lines, const Cone& cone, const RimModel& 
                        "; photograph the whole ball, evenly lit, in front of a dark background");
 }
 
-// The cone through the blob's contour. A contour runs through the centres of the blob's last pixels: good to a pixel.
+// The cone through the blob's contour. A contour runs through the centres of the blob's last pixels: good to
+// a pixel.
 Cone coarse_cone(const Blob& blob, const core::CameraModel& camera) {
   std::vector<TangentRay> rays;
   for (const core::Pixel& p : blob.contour) {
@@ -123,9 +127,11 @@ Cone coarse_cone(const Blob& blob, const core::CameraModel& camera) {
 }  // namespace
 
 Sphere locate_sphere(core::ImageView picture, const core::CameraModel& camera, double radius_m) {
-  if (!(radius_m > 0) || !std::isfinite(radius_m)) throw core::BadInput("calibration ball: its radius must be positive");
+  if (!(radius_m > 0) || !std::isfinite(radius_m))
+    throw core::BadInput("calibration ball: its radius must be positive");
   require_picture_of(picture, camera, "calibration ball");
-  if (picture.width() < 2 * kSmallestRadiusPx || picture.height() < 2 * kSmallestRadiusPx) fail("the picture is too small");
+  if (picture.width() < 2 * kSmallestRadiusPx || picture.height() < 2 * kSmallestRadiusPx)
+    fail("the picture is too small");
   const core::Image luminance = core::to_luminance(picture);
   const Blob blob = find_blob(luminance);
   const CappedPicture capped(luminance, 2 * blob.level);

@@ -28,10 +28,11 @@ double residual_px(const TangentRay& ray, const Cone& cone) {
   return (angle - cone.half_angle) * ray.px_per_radian;
 }
 
-// From m = axis / cos(half_angle), of which |m|^2 - 1 = tan^2(half_angle) is given apart, since it loses its digits when
-// computed from m for a narrow cone.
+// From m = axis / cos(half_angle), of which |m|^2 - 1 = tan^2(half_angle) is given apart, since it loses its
+// digits when computed from m for a narrow cone.
 std::optional<Cone> cone_from(Vec3 m, double tangent_squared) {
-  if (!(tangent_squared > 0) || !std::isfinite(tangent_squared)) return std::nullopt;
+  constexpr double kWidest = 1;  // 45 degrees: points on a line make cones as wide as one likes
+  if (!(tangent_squared > 0 && tangent_squared < kWidest)) return std::nullopt;
   return Cone{m / norm(m), std::atan(std::sqrt(tangent_squared))};
 }
 
@@ -43,9 +44,10 @@ std::optional<Cone> cone_through(Vec3 a, Vec3 b, Vec3 c) {
   return cone_from(m, dot(m, m) - 1);
 }
 
-// Solves r_i . m = 1 by weighted least squares. With tangent-plane coordinates u, v of each ray about `towards` and
-// m = towards + (p, q, r) in that frame, the equation reads p + q u + r v = sqrt(1 + u^2 + v^2) - 1, whose right side is
-// computed without cancellation; u and v are scaled to order 1, so that narrow cones are as well conditioned as wide ones.
+// Solves r_i . m = 1 by weighted least squares. With tangent-plane coordinates u, v of each ray about
+// `towards` and m = towards + (p, q, r) in that frame, the equation reads p + q u + r v = sqrt(1 + u^2 + v^2)
+// - 1, whose right side is computed without cancellation; u and v are scaled to order 1, so that narrow cones
+// are as well conditioned as wide ones.
 std::optional<Cone> least_squares_cone(std::span<const TangentRay> rays, std::span<const double> weights,
                                        const Cone& towards) {
   const auto [e1, e2] = frame_across(towards.axis);
@@ -121,7 +123,8 @@ double outline_radius_px(const core::CameraModel& camera, const Cone& cone) {
 std::optional<Cone> consensus_cone(std::span<const TangentRay> rays, double tolerance_px) {
   if (rays.size() < 3) return std::nullopt;
   constexpr int kDraws = 400;  // with half of the rays wrong, all draws fail with probability 1e-23
-  std::minstd_rand random(20);  // the sequence is the same on every machine, unlike the standard distributions
+  std::minstd_rand random(
+      20);  // the sequence is the same on every machine, unlike the standard distributions
   const auto draw = [&] { return rays[random() % rays.size()].ray; };
   std::optional<Cone> best;
   double best_score = 0;

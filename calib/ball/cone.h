@@ -21,9 +21,10 @@ Cone cone_around(const core::CameraModel& camera, const Sphere& ball);
 // The centre of the ball of this radius that fills the cone, stage frame.
 core::Vec3 ball_centre(const core::CameraModel& camera, const Cone& cone, double radius_m);
 
-// The pixel of the ray at `angle` from the cone's axis on the side `azimuth`, both in radians; nothing behind the camera.
-// Azimuth runs about the axis from an arbitrary but fixed side.
-std::optional<core::Pixel> pixel_on_cone(const core::CameraModel& camera, const Cone& cone, double azimuth, double angle);
+// The pixel of the ray at `angle` from the cone's axis on the side `azimuth`, both in radians; nothing behind
+// the camera. Azimuth runs about the axis from an arbitrary but fixed side.
+std::optional<core::Pixel> pixel_on_cone(const core::CameraModel& camera, const Cone& cone, double azimuth,
+                                         double angle);
 core::Vec3 ray_on_cone(const Cone& cone, double azimuth, double angle);
 
 // Radius of the ball's image in pixels (the mean over the outline).
@@ -41,11 +42,13 @@ struct ConeFit {
   int agreeing = 0;   // rays within three robust standard deviations
 };
 
-// The cone that most rays lie on: the best of many through three rays each (drawn from a fixed seed), those agreeing that lie within
-// `tolerance_px`. Outliers may be the majority. Nothing for fewer than three rays or when all lie in one plane.
+// The cone that most rays lie on: the best of many through three rays each (drawn from a fixed seed), those
+// agreeing that lie within `tolerance_px`. Outliers may be the majority. Nothing for fewer than three rays or
+// when all lie in one plane.
 std::optional<Cone> consensus_cone(std::span<const TangentRay> rays, double tolerance_px);
 
-// Least squares from `start`, iteratively reweighted with Tukey's biweight. Nothing when the rays do not determine a cone.
+// Least squares from `start`, iteratively reweighted with Tukey's biweight. Nothing when the rays do not
+// determine a cone.
 std::optional<ConeFit> fit_cone(std::span<const TangentRay> rays, const Cone& start);
 
 }  // namespace lightstage::calib

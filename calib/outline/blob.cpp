@@ -12,10 +12,12 @@ namespace lightstage::calib {
 namespace {
 
 constexpr const char* kAdvice =
-    "; photograph the ball brighter than its surroundings (all lights on, dark background, the whole ball in view)";
+    "; photograph the ball brighter than its surroundings (all lights on, dark background, the whole ball in "
+    "view)";
 
-// Standard deviation of the noise from second differences in both directions, blind to planes and edges (Immerkaer 1996, "Fast noise
-// variance estimation"), with the median for the mean so that structure does not matter.
+// Standard deviation of the noise from second differences in both directions, blind to planes and edges
+// (Immerkaer 1996, "Fast noise variance estimation"), with the median for the mean so that structure does not
+// matter.
 double noise_sigma(core::ImageView v) {
   std::vector<double> responses;
   for (int y = 1; y + 1 < v.height(); ++y) {
@@ -34,8 +36,8 @@ double border_median(core::ImageView v) {
   return quantile(values, 0.5);
 }
 
-// 8 bits on a scale that is linear within the noise and logarithmic above it: a ball a thousand times darker than the
-// highlights on it still stands well apart from the background.
+// 8 bits on a scale that is linear within the noise and logarithmic above it: a ball a thousand times darker
+// than the highlights on it still stands well apart from the background.
 cv::Mat_<uchar> compressed(core::ImageView v, double background, double unit) {
   cv::Mat_<float> scale(v.height(), v.width());
   for (int y = 0; y < v.height(); ++y) {
@@ -55,7 +57,8 @@ cv::Mat_<uchar> largest_part(const cv::Mat_<uchar>& mask) {
   const int count = cv::connectedComponentsWithStats(mask, labels, stats, centroids, 8, CV_32S);
   int largest = 0;
   for (int i = 1; i < count; ++i) {
-    if (largest == 0 || stats.at<int>(i, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = i;
+    if (largest == 0 || stats.at<int>(i, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA))
+      largest = i;
   }
   return largest == 0 ? cv::Mat_<uchar>::zeros(mask.size()) : cv::Mat_<uchar>(labels == largest);
 }
@@ -108,7 +111,8 @@ Blob find_blob(core::ImageView luminance) {
     throw core::BadInput(std::string("calibration ball: nothing stands out of the noise") + kAdvice);
   }
   for (const cv::Point& p : contours.front()) {
-    const bool at_border = p.x < 1 || p.y < 1 || p.x + 1 >= luminance.width() || p.y + 1 >= luminance.height();
+    const bool at_border =
+        p.x < 1 || p.y < 1 || p.x + 1 >= luminance.width() || p.y + 1 >= luminance.height();
     if (!at_border) blob.contour.push_back({double(p.x), double(p.y)});
   }
   return blob;

@@ -14,8 +14,8 @@ struct Blob {
   double noise = 0;                  // standard deviation of a pixel
 };
 
-// The largest connected part that stands out from the background, however bright single highlights on it are. `luminance` has one
-// channel. Throws BadInput when there is none, or it fills the picture.
+// The largest connected part that stands out from the background, however bright single highlights on it are.
+// `luminance` has one channel. Throws BadInput when there is none, or it fills the picture.
 Blob find_blob(core::ImageView luminance);
 
 }  // namespace lightstage::calib

@@ -16,10 +16,12 @@ double dot(std::span<const double> a, std::span<const double> b) {
 }
 
 // Share of a Gaussian of width `blur` about 0 that lies below `depth`.
-double blurred_step(double depth, double blur) { return 0.5 * std::erfc(-depth / (blur * std::numbers::sqrt2)); }
+double blurred_step(double depth, double blur) {
+  return 0.5 * std::erfc(-depth / (blur * std::numbers::sqrt2));
+}
 
-// sqrt(max(depth, 0)) blurred by a Gaussian, by the trapezoidal rule over four of its widths to either side. With d = t^2 the root's
-// kink at 0 is gone: integral of t g(depth - t^2) 2 t dt.
+// sqrt(max(depth, 0)) blurred by a Gaussian, by the trapezoidal rule over four of its widths to either side.
+// With d = t^2 the root's kink at 0 is gone: integral of t g(depth - t^2) 2 t dt.
 double blurred_root(double depth, double blur) {
   constexpr int kSteps = 64;
   const double reach = depth + 5 * blur;

@@ -7,16 +7,18 @@
 
 namespace lightstage::calib {
 
-// Fits brightness along a line that leaves the ball through its rim. Just inside the rim, at a depth d from it, the surface normal's
-// part towards the camera is sqrt(2 d / radius), and irradiance is smooth in the normal, so that brightness is
+// Fits brightness along a line that leaves the ball through its rim. Just inside the rim, at a depth d from
+// it, the surface normal's part towards the camera is sqrt(2 d / radius), and irradiance is smooth in the
+// normal, so that brightness is
 //   background + step + slope sqrt(2 d / radius)   inside,   background   outside,
-// both blurred by lens and pixel (a Gaussian). The plain maximum of the gradient would lie too far inside wherever the ball gets darker
-// towards its rim; this model has the rim itself as a parameter.
+// both blurred by lens and pixel (a Gaussian). The plain maximum of the gradient would lie too far inside
+// wherever the ball gets darker towards its rim; this model has the rim itself as a parameter.
 class RimModel {
  public:
   static constexpr double kSampleStepPx = 0.5;
 
-  // Samples lie at (i - half_width / kSampleStepPx) kSampleStepPx from the expected rim, i from 0 to sample_count() - 1, inside first.
+  // Samples lie at (i - half_width / kSampleStepPx) kSampleStepPx from the expected rim, i from 0 to
+  // sample_count() - 1, inside first.
   RimModel(double radius_px, double blur_px, double half_width_px, double search_px);
   int sample_count() const { return sample_count_; }
 
@@ -25,7 +27,8 @@ class RimModel {
     double step = 0;       // brightness just inside over that outside
     double misfit = 0;     // root mean square of what the model leaves
   };
-  // The rim within search_px of where it is expected; nothing when the best fit lies at the end of the search.
+  // The rim within search_px of where it is expected; nothing when the best fit lies at the end of the
+  // search.
   std::optional<Edge> fit(std::span<const double> samples) const;
 
  private:

@@ -13,7 +13,9 @@ using core::Vec3;
 
 namespace {
 
-Vec3 unit(Vec3 v) { return v / norm(v); }
+Vec3 unit(Vec3 v) {
+  return v / norm(v);
+}
 
 // Where on the ball `viewer` sees `seen` reflected, by halving the angle between the two (Alhazen's problem).
 std::optional<Vec3> reflection_point(Vec3 centre, double radius, Vec3 viewer, Vec3 seen) {
@@ -98,8 +100,8 @@ std::vector<Lamp> stage_lamps(std::size_t n, double radius_m, double error_degre
   return lamps;
 }
 
-core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sphere& ball, const std::vector<Lamp>& lamps,
-                               double blur_px) {
+core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sphere& ball,
+                               const std::vector<Lamp>& lamps, double blur_px) {
   core::Image image(camera.height, camera.width, 1);
   constexpr int kCells = 12;
   for (const Lamp& lamp : lamps) {
@@ -107,21 +109,24 @@ core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sph
     const Vec3 u = unit(cross(std::abs(axis.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, axis));
     const Vec3 v = cross(axis, u);
     // Irradiance pi gain at stage centre from a facing disc: radiance = gain (distance / radius)^2.
-    const double radiance = 0.9 * lamp.gain * dot(lamp.position, lamp.position) / (lamp.radius_m * lamp.radius_m);
+    const double radiance =
+        0.9 * lamp.gain * dot(lamp.position, lamp.position) / (lamp.radius_m * lamp.radius_m);
     const double cell = 2 * lamp.radius_m / kCells;
     for (int j = 0; j < kCells; ++j) {
       for (int i = 0; i < kCells; ++i) {
         const double a = (i + 0.5) * cell - lamp.radius_m, b = (j + 0.5) * cell - lamp.radius_m;
         if (std::hypot(a, b) > lamp.radius_m) continue;
         const auto seen = [&](double s, double t) -> std::optional<core::Pixel> {
-          const auto p = reflection_point(ball.centre, ball.radius_m, camera.centre(), lamp.position + u * s + v * t);
+          const auto p =
+              reflection_point(ball.centre, ball.radius_m, camera.centre(), lamp.position + u * s + v * t);
           return p ? camera.project(*p) : std::nullopt;
         };
         // The cell's area in the picture from two sides of it.
         const auto here = seen(a, b), right = seen(a + 0.5 * cell, b), left = seen(a - 0.5 * cell, b),
                    up = seen(a, b + 0.5 * cell), down = seen(a, b - 0.5 * cell);
         if (!here || !right || !left || !up || !down) continue;
-        const double area = std::abs((right->x - left->x) * (up->y - down->y) - (right->y - left->y) * (up->x - down->x));
+        const double area =
+            std::abs((right->x - left->x) * (up->y - down->y) - (right->y - left->y) * (up->x - down->x));
         splat(image, *here, radiance * area, blur_px);
       }
     }
@@ -129,8 +134,8 @@ core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sph
   return image;
 }
 
-core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere& ball, const std::vector<Lamp>& lamps,
-                            double albedo, double blur_px) {
+core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere& ball,
+                            const std::vector<Lamp>& lamps, double albedo, double blur_px) {
   constexpr int kSide = 3;
   core::Image image(camera.height, camera.width, 1);
   for (int y = 0; y < image.height(); ++y) {
@@ -147,7 +152,8 @@ core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere
         for (const Lamp& lamp : lamps) {
           const Vec3 to = lamp.position - point;
           const double d2 = dot(to, to);
-          value += lamp.gain * std::max(0.0, dot(to, normal) / std::sqrt(d2)) * dot(lamp.position, lamp.position) / d2;
+          value += lamp.gain * std::max(0.0, dot(to, normal) / std::sqrt(d2)) *
+                   dot(lamp.position, lamp.position) / d2;
         }
       }
       image(y, x) = float(albedo * value / (kSide * kSide));
@@ -169,7 +175,8 @@ core::Image through_sensor(const core::Image& radiance, double exposure, std::ui
   core::Image result = radiance;
   for (float& v : result.values()) {
     const double electrons = std::min(double(v) * exposure, 2.0) * kFullWell;
-    const double noisy = (electrons + normal(random) * std::sqrt(electrons + kReadNoise * kReadNoise)) / kFullWell;
+    const double noisy =
+        (electrons + normal(random) * std::sqrt(electrons + kReadNoise * kReadNoise)) / kFullWell;
     // The black level lies well above 0, so that negative noise is kept.
     v = float(std::round(std::min(noisy, 1.0) * kCodes) / kCodes / exposure);
   }
@@ -185,6 +192,8 @@ double percentile(std::vector<double> values, double share) {
   std::sort(values.begin(), values.end());
   return values.empty() ? 0 : values[std::size_t(std::lround(share * double(values.size() - 1)))];
 }
-double median(std::vector<double> values) { return percentile(std::move(values), 0.5); }
+double median(std::vector<double> values) {
+  return percentile(std::move(values), 0.5);
+}
 
 }  // namespace lightstage::test

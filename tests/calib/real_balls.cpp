@@ -7,7 +7,6 @@
 #include "calib/mirror_ball.h"
 #include "core/image_file.h"
 #include "support/support.h"
-#include <iostream>
 
 namespace lightstage::calib {
 
@@ -49,12 +48,13 @@ TEST_CASE("highlights on a photographed glossy ball agree with its known lights"
     INFO(name << ": " << light.reason);
     REQUIRE(light.placed);
     errors.push_back(test::degrees_between(light.position, truth));
-    std::cout << i << " " << errors.back() << " sigma " << light.sigma_degrees << " d " << (light.direction.vec()-truth).x << " " << (light.direction.vec()-truth).y << "\n";
   }
   double sum = 0;
   for (const double e : errors) sum += e;
-  std::cout << "diligent mean " << sum / 96 << " max " << test::percentile(errors, 1) << "\n";
-  CHECK(sum / double(errors.size()) < 1.13);
+  INFO("mean " << sum / double(errors.size()) << ", largest " << test::percentile(errors, 1) << " degrees");
+  // Plain practice, with the same circle, errs 1.13 degrees on average and 1.90 at most.
+  CHECK(sum / double(errors.size()) < 1.05);
+  CHECK(test::percentile(errors, 1) < 1.9);
 }
 
 TEST_CASE("two photographed mirror balls see the same lights") {
@@ -67,7 +67,8 @@ TEST_CASE("two photographed mirror balls see the same lights") {
     REQUIRE(circle >> x >> y_from_bottom >> radius);
     std::vector<LightEstimate> lights;
     for (int i = 1; i <= 12; ++i) {
-      core::Image image = core::read_image(folder / ball / std::string("Image_").append(numbered(i, 2)).append(".JPG"));
+      core::Image image =
+          core::read_image(folder / ball / std::string("Image_").append(numbered(i, 2)).append(".JPG"));
       // Both counts start at 1.
       const core::Pixel centre{x - 1, image.height() - y_from_bottom};
       const core::CameraModel camera = distant_camera(image.width(), image.height(), centre, radius);
@@ -77,13 +78,20 @@ TEST_CASE("two photographed mirror balls see the same lights") {
     }
     balls.push_back(std::move(lights));
   }
-  double sum = 0;
+  // The circles were fitted by hand and the camera's place is not known, so that all directions of one ball
+  // are turned a little against the other's; what is left is the highlights' error and the lights' parallax.
+  core::Vec3 turned;
   for (std::size_t i = 0; i < 12; ++i) {
-    std::cout << "psbox " << i << " " << test::degrees_between(balls[0][i].position, balls[1][i].position) << " " << balls[0][i].sigma_degrees << " " << balls[1][i].sigma_degrees<< "\n";
-    sum += test::degrees_between(balls[0][i].position, balls[1][i].position);
+    turned = turned + (balls[1][i].direction.vec() - balls[0][i].direction.vec()) / 12;
   }
-  std::cout << "mean " << sum / 12 << "\n";
-  CHECK(sum / 12 < 0.95);
+  double plain = 0, left = 0;
+  for (std::size_t i = 0; i < 12; ++i) {
+    plain += test::degrees_between(balls[0][i].position, balls[1][i].position) / 12;
+    left += test::degrees_between(balls[0][i].direction.vec() + turned, balls[1][i].position) / 12;
+  }
+  INFO("as they are " << plain << ", turned " << left << " degrees");
+  CHECK(plain < 1.6);
+  CHECK(left < 0.7);
 }
 
 }  // namespace lightstage::calib

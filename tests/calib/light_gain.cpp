@@ -1,0 +1,102 @@
+#include "calib/light_gain.h"
+
+#include <catch2/catch.hpp>
+#include <limits>
+
+#include "calib/ball_pictures.h"
+#include "core/error.h"
+
+namespace lightstage::calib {
+
+using core::Vec3;
+
+namespace {
+
+const Sphere kBall{{0.003, -0.004, 0.002}, 0.06, 0, 0};
+constexpr double kAlbedo = 0.5;
+
+core::Image coloured(const core::Image& grey, std::array<float, 3> gain) {
+  core::Image image(grey.height(), grey.width(), 3);
+  for (int y = 0; y < grey.height(); ++y) {
+    for (int x = 0; x < grey.width(); ++x) {
+      for (int c = 0; c < 3; ++c) image(y, x, c) = grey(y, x) * gain[std::size_t(c)];
+    }
+  }
+  return image;
+}
+
+}  // namespace
+
+TEST_CASE("the grey ball gives each light's gain, channel by channel") {
+  const core::CameraModel camera = test::stage_camera(256);
+  for (const Vec3 light : {Vec3{0.3, 0.4, 1.4}, Vec3{1.3, -0.5, 0.5}, Vec3{-1.2, 0.6, -0.6}}) {
+    const core::Image grey = test::lambertian_ball(camera, kBall, {{light, 0.012, 1}}, kAlbedo, 0.6);
+    const core::Image picture = test::through_sensor(coloured(grey, {1.3F, 0.9F, 0.7F}), 0.9, 1);
+    const GainEstimate gain = estimate_gain(picture, camera, kBall, kAlbedo, light, 1 / 0.9);
+    INFO(gain.reason);
+    REQUIRE(gain.measured);
+    CHECK(gain.gain[0] == Approx(1.3).epsilon(0.004));
+    CHECK(gain.gain[1] == Approx(0.9).epsilon(0.004));
+    CHECK(gain.gain[2] == Approx(0.7).epsilon(0.004));
+    CHECK(gain.relative_sigma > 0);
+    CHECK(gain.relative_sigma < 0.004);
+    // A grey picture gives one gain to all channels.
+    const GainEstimate mono =
+        estimate_gain(test::through_sensor(grey, 0.9, 2), camera, kBall, kAlbedo, light, 1 / 0.9);
+    CHECK(mono.gain[0] == Approx(1).epsilon(0.004));
+    CHECK(mono.gain[0] == mono.gain[2]);
+  }
+}
+
+TEST_CASE("a near light is seen nearer, not stronger") {
+  const core::CameraModel camera = test::stage_camera(200);
+  const Vec3 light{0.1, 0.1, 0.4};
+  const core::Image picture = test::lambertian_ball(camera, kBall, {{light, 0.001, 0.8}}, kAlbedo, 0.4);
+  CHECK(estimate_gain(picture, camera, kBall, kAlbedo, light).gain[0] == Approx(0.8).epsilon(0.003));
+}
+
+TEST_CASE("clipped pixels, a glossy spot and a label do not change the gain") {
+  const core::CameraModel camera = test::stage_camera(256);
+  const Vec3 light{0.5, 0.3, 1.3};
+  const core::Image grey = test::lambertian_ball(camera, kBall, {{light, 0.012, 1}}, kAlbedo, 0.6);
+  core::Image spotted = test::through_sensor(grey, 0.9, 1);
+  for (int y = 110; y < 116; ++y) {
+    for (int x = 130; x < 136; ++x) spotted(y, x) *= 2;
+    for (int x = 90; x < 100; ++x) spotted(y, x) *= 0.3F;
+  }
+  CHECK(estimate_gain(spotted, camera, kBall, kAlbedo, light, 0).gain[0] == Approx(1).epsilon(0.005));
+  // Half of the ball is brighter than the sensor's limit.
+  const core::Image clipped = test::through_sensor(grey, 2.8, 1);
+  CHECK(estimate_gain(clipped, camera, kBall, kAlbedo, light, 1 / 2.8).gain[0] == Approx(1).epsilon(0.005));
+}
+
+TEST_CASE("a light behind the ball, a dead one and a saturated picture are not measured") {
+  const core::CameraModel camera = test::stage_camera(128);
+  const Vec3 behind{0.02, 0.01, -1.5};
+  const Vec3 front{0.1, 0.2, 1.4};
+  core::Image picture(128, 128, 3);
+  CHECK_FALSE(estimate_gain(picture, camera, kBall, kAlbedo, behind).measured);
+  const GainEstimate dead = estimate_gain(test::through_sensor(picture, 1, 4), camera, kBall, kAlbedo, front);
+  CHECK_FALSE(dead.measured);
+  CHECK_FALSE(dead.reason.empty());
+  CHECK(dead.gain == std::array<double, 3>{1, 1, 1});
+  CHECK_FALSE(estimate_gain(picture, camera, kBall, kAlbedo, front).measured);
+  for (float& v : picture.values()) v = -0.1F;
+  CHECK_FALSE(estimate_gain(picture, camera, kBall, kAlbedo, front).measured);
+  for (float& v : picture.values()) v = 1;
+  CHECK_FALSE(estimate_gain(picture, camera, kBall, kAlbedo, front, 1).measured);
+  CHECK_FALSE(estimate_gain(picture, camera, Sphere{{0.6, 0, 0}, 0.06, 0, 0}, kAlbedo, front, 0).measured);
+}
+
+TEST_CASE("a grey ball picture that makes no sense is refused") {
+  const core::CameraModel camera = test::stage_camera(128);
+  core::Image picture(128, 128, 3);
+  CHECK_THROWS_AS(estimate_gain(picture, camera, kBall, 0, {0, 0, 1}), core::BadInput);
+  CHECK_THROWS_AS(estimate_gain(picture, camera, kBall, kAlbedo, {0, 0, 0.01}), core::BadInput);
+  CHECK_THROWS_AS(estimate_gain(core::Image(128, 128, 2), camera, kBall, kAlbedo, {0, 0, 1}), core::BadInput);
+  CHECK_THROWS_AS(estimate_gain(core::Image(127, 128, 3), camera, kBall, kAlbedo, {0, 0, 1}), core::BadInput);
+  picture(1, 1, 1) = std::numeric_limits<float>::quiet_NaN();
+  CHECK_THROWS_AS(estimate_gain(picture, camera, kBall, kAlbedo, {0, 0, 1}), core::BadInput);
+}
+
+}  // namespace lightstage::calib
