@@ -1,37 +1,61 @@
-// Lat-long environment maps: 2N x N, image up is +y, image centre is +z, longitude +90 degrees is +x (OpenEXR's envmap).
+// Lat-long environment maps: 2N x N, image up is +y, image centre is +z. The map is what is seen from the
+// subject, so with +z ahead and +y up, +x lies to the LEFT: longitude +90 degrees (+x) is a quarter of the
+// width left of the centre, and both sides are longitude +-180 (-z). This is OpenEXR's convention for
+// latitude-longitude maps, except that pixels are areas that tile the sphere (a pixel's direction is its
+// centre's), where OpenEXR puts the outermost pixel centres on the poles and on the seam.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <vector>
 
 #include "core/direction.h"
 #include "core/image.h"
+#include "core/vec3.h"
 
 namespace lightstage::relight {
 
+// Light from far away: from `direction`, with `irradiance` on a surface that faces it, linear RGB in units of
+// pi as core::Light::gain (radiance x solid angle / pi).
+struct DistantLight {
+  core::Direction direction;
+  core::Vec3 irradiance;
+};
+
 class Environment {
  public:
-  // Takes linear radiance, 1 or 3 channels; any size of at least 1x1. Throws BadInput for NaN or infinity (with the pixel).
-  // Negative values (resampling leaves such) count as 0; how many there were is told by negative_values().
+  // Takes linear radiance of 1 to 4 channels (grey is repeated, alpha dropped); any size of at least 1x1.
+  // Throws BadInput for an empty image and for NaN or infinity (with the pixel). Negative values (resampling
+  // leaves such) count as 0; how many there were is told by negative_values().
   explicit Environment(core::ImageView radiance);
   static Environment read(const std::filesystem::path& path);
 
-  int width() const;
-  int height() const;
-  std::size_t negative_values() const;
+  int width() const { return radiance_.width(); }
+  int height() const { return radiance_.height(); }
+  std::size_t negative_values() const { return negative_values_; }
 
-  // The direction of a pixel's centre, and the solid angle of the pixel (exact: 2 pi / width times the difference of the
-  // latitudes' sines, so the sum over the map is 4 pi).
+  // The direction of a pixel's centre, and the solid angle of the pixel (exact: 2 pi / width times the
+  // difference of the latitudes' sines, so the sum over the map is 4 pi).
   core::Direction direction(int y, int x) const;
   double solid_angle(int y) const;
-  const core::Image& radiance() const;  // 3 channels, not negative
+  const core::Image& radiance() const { return radiance_; }  // 3 channels, not negative
 
-  // Turned about +y: what was at longitude 0 comes to `degrees`. Exact for multiples of a pixel, linear in between.
+  // Turned about +y: what was at longitude 0 comes to `degrees`. Exact for multiples of a pixel, linear in
+  // between; every row keeps its energy. Throws UsageError for an angle that is not finite.
   Environment rotated(double degrees) const;
 
-  // The map's light gathered into one RGB irradiance (radiance x solid angle, in units of pi as core::Light::gain) per direction: every
-  // pixel gives all of its energy to the nearest of the directions. Sums are compensated; energy is kept to rounding.
-  std::vector<core::Vec3> gather(const std::vector<core::Direction>& directions) const;
+  // The map as one light per box of pixels no wider and no higher than `box_radians` (at least one pixel),
+  // boxes without light left out. The light stands at the energy-weighted mean direction of its pixels, so a
+  // small sun stays where it is and the first moment of the light is kept within each box. Energy is kept to
+  // rounding. Rows of boxes go from the top, boxes from the left.
+  std::vector<DistantLight> lights(double box_radians) const;
+
+  // The map's light gathered onto given directions: every pixel gives all of its energy to the nearest of
+  // them (the first of equally near ones). One light per direction, in their order, standing at the
+  // energy-weighted mean direction of what it gathered; the given direction itself where that is nothing or
+  // has no mean. Energy is kept to rounding. Throws UsageError for no directions. About (pixels / 256) x
+  // directions operations and a few a pixel.
+  std::vector<DistantLight> gather(const std::vector<core::Direction>& directions) const;
 
  private:
   core::Image radiance_;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 
 #include "core/direction.h"
 #include "core/image.h"
@@ -12,23 +13,35 @@
 namespace lightstage::relight {
 
 struct RelightReport {
-  core::Image image;                    // linear radiance, 3 channels
-  std::size_t directions_synthesised = 0;  // pictures asked of the interpolator
-  double seconds = 0;
+  core::Image image;  // linear radiance, 3 channels
+  std::size_t directions_synthesised =
+      0;               // pictures asked of the interpolator; 0 where captured images were summed as they are
+  double seconds = 0;  // wall clock
 };
+
+// All functions: images of grey scans count as RGB; sums are in float64 in a fixed order, so that the result
+// does not depend on the thread count; an irradiance that is negative or not finite throws BadInput. Memory:
+// two pictures and the sum (see model::PictureSum).
+
+// The sum over any lights. For methods with linear weights the captured images are summed once, however many
+// lights there are; for all others each light with any irradiance is synthesised in turn.
+RelightReport relight_lights(const model::LightInterpolator& interpolator, std::span<const DistantLight> lights);
 
 // One distant light of colour `irradiance` (units of pi; {1,1,1} is one stage light).
 RelightReport relight_direction(const model::LightInterpolator& interpolator, const core::Direction& light,
                                 core::Vec3 irradiance = {1, 1, 1});
 
-// A round light of angular radius `radius_degrees` (0 to 180) about `light`, uniform, of total `irradiance`: the mean over `samples`
-// directions placed evenly on the cap (equal area, Fibonacci spiral). A radius of 0 is relight_direction.
-RelightReport relight_area(const model::LightInterpolator& interpolator, const core::Direction& light, double radius_degrees,
-                           int samples, core::Vec3 irradiance = {1, 1, 1});
+// A round light of angular radius `radius_degrees` (0 to 180) about `light`, uniform, of total `irradiance`:
+// the mean over `samples` directions placed evenly on the cap (equal area, Fibonacci spiral). A radius of 0
+// is relight_direction. Throws UsageError for a radius out of range or less than one sample.
+RelightReport relight_area(const model::LightInterpolator& interpolator, const core::Direction& light,
+                           double radius_degrees, int samples, core::Vec3 irradiance = {1, 1, 1});
 
-// A whole environment. For methods with linear weights every pixel of the map is carried by the captured images in one weighted sum. For all
-// others the map is gathered onto `virtual_lights` directions and each that receives light is synthesised.
-// Memory: two images; the sum is in float64.
+// A whole environment. For methods with linear weights the map is taken in boxes of at most an eighth of the
+// scan's light spacing (single pixels where they are larger), all carried by the captured images in one
+// weighted sum. For all others the map is gathered onto `virtual_lights` Fibonacci directions, each of which
+// then moves to the mean direction of its light and is synthesised where it received any. Throws UsageError
+// for no virtual lights.
 RelightReport relight_environment(const model::LightInterpolator& interpolator, const Environment& environment,
                                   std::size_t virtual_lights);
 

@@ -1,0 +1,45 @@
+#include "model/classical.h"
+
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "core/sphere.h"
+#include "model/alias_free_weights.h"
+#include "model/classical/thin_plate.h"
+#include "model/classical/weighted_images.h"
+
+namespace lightstage::model {
+
+std::unique_ptr<LightInterpolator> make_nearest(const core::OlatScan& scan) {
+  auto weights = [lights = scan.directions()](const core::Direction& query) {
+    std::vector<double> result(lights.size(), 0.0);
+    result[core::nearest_indices(lights, query, 1).front()] = 1;
+    return result;
+  };
+  return std::make_unique<WeightedImages>("nearest", scan, Domain::kLinear, std::move(weights));
+}
+
+std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan, int neighbours,
+                                                     double sharpness, Domain domain) {
+  if (neighbours < 1)
+    throw core::UsageError("linear blends at least 1 neighbour, not " + std::to_string(neighbours));
+  auto weights = [lights = scan.directions(), neighbours, sharpness](const core::Direction& query) {
+    const std::vector<std::size_t> active = core::nearest_indices(lights, query, std::size_t(neighbours));
+    std::vector<core::Direction> active_lights;
+    for (const std::size_t i : active) active_lights.push_back(lights[i]);
+    const std::vector<double> active_weights = alias_free_weights(query, active_lights, sharpness);
+    std::vector<double> result(lights.size(), 0.0);
+    for (std::size_t i = 0; i < active.size(); ++i) result[active[i]] = active_weights[i];
+    return result;
+  };
+  return std::make_unique<WeightedImages>("linear", scan, domain, std::move(weights));
+}
+
+std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain) {
+  auto method = std::make_unique<WeightedImages>("rbf", scan, domain, ThinPlateWeights(scan.directions()));
+  method->prepare();
+  return method;
+}
+
+}  // namespace lightstage::model

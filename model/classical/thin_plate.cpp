@@ -1,0 +1,117 @@
+#include "model/classical/thin_plate.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <opencv2/core.hpp>
+#include <string>
+
+#include "core/error.h"
+
+namespace lightstage::model {
+
+namespace {
+
+constexpr std::size_t kMaxLights = 8000;
+constexpr double kSamePlace = 1e-4;  // radians
+constexpr double kFlat = 1e-2;       // spread relative to the widest axis
+constexpr double kOnALight = 1e-12;  // the interpolant is the captured image to rounding
+
+double squared_distance(core::Vec3 a, core::Vec3 b) {
+  const core::Vec3 d = a - b;
+  return core::dot(d, d);
+}
+
+// r^2 log r from r^2; its limit at 0 is 0.
+double kernel(double r2) {
+  return r2 > 0 ? 0.5 * r2 * std::log(r2) : 0.0;
+}
+
+}  // namespace
+
+ThinPlateWeights::ThinPlateWeights(std::span<const core::Direction> lights) {
+  if (lights.empty()) throw core::BadInput("interpolation needs at least one light");
+  if (lights.size() > kMaxLights)
+    throw core::UsageError("rbf solves one dense system over all lights and takes at most " +
+                           std::to_string(kMaxLights) + " of them, not " + std::to_string(lights.size()) +
+                           "; use linear, or fewer lights");
+  for (const core::Direction& light : lights) {
+    const auto same = std::find_if(points_.begin(), points_.end(), [&](core::Vec3 point) {
+      return squared_distance(point, light.vec()) < kSamePlace * kSamePlace;
+    });
+    point_of_light_.push_back(std::size_t(same - points_.begin()));
+    if (same == points_.end()) {
+      points_.push_back(light.vec());
+      lights_at_point_.push_back(0);
+    }
+    ++lights_at_point_[point_of_light_.back()];
+  }
+  choose_polynomial();
+  invert();
+}
+
+void ThinPlateWeights::choose_polynomial() {
+  const int n = static_cast<int>(points_.size());
+  centre_ = std::accumulate(points_.begin(), points_.end(), core::Vec3{}) / double(n);
+  cv::Mat spread(n, 3, CV_64F);
+  for (int i = 0; i < n; ++i) {
+    const core::Vec3 d = points_[std::size_t(i)] - centre_;
+    spread.at<double>(i, 0) = d.x;
+    spread.at<double>(i, 1) = d.y;
+    spread.at<double>(i, 2) = d.z;
+  }
+  const cv::SVD principal(spread);
+  const double widest = principal.w.at<double>(0);
+  for (int k = 0; k < principal.w.rows; ++k) {
+    if (!(principal.w.at<double>(k) > kFlat * widest)) break;
+    const double* axis = principal.vt.ptr<double>(k);
+    axes_.push_back({axis[0], axis[1], axis[2]});
+  }
+}
+
+std::vector<double> ThinPlateWeights::right_side(core::Vec3 query) const {
+  std::vector<double> b;
+  b.reserve(points_.size() + 1 + axes_.size());
+  for (const core::Vec3 point : points_) b.push_back(kernel(squared_distance(query, point)));
+  b.push_back(1);
+  for (const core::Vec3 axis : axes_) b.push_back(core::dot(axis, query - centre_));
+  return b;
+}
+
+void ThinPlateWeights::invert() {
+  const int n = static_cast<int>(points_.size());
+  const int size = n + 1 + static_cast<int>(axes_.size());
+  cv::Mat system = cv::Mat::zeros(size, size, CV_64F);
+  for (int i = 0; i < n; ++i) {
+    const std::vector<double> row = right_side(points_[std::size_t(i)]);
+    for (int j = 0; j < size; ++j) system.at<double>(i, j) = row[std::size_t(j)];
+    for (int j = n; j < size; ++j) system.at<double>(j, i) = row[std::size_t(j)];
+  }
+  cv::Mat inverse;
+  // The pseudo-inverse serves where elimination meets a pivot lost in rounding.
+  if (cv::invert(system, inverse, cv::DECOMP_LU) == 0) cv::invert(system, inverse, cv::DECOMP_SVD);
+  inverse_.assign(inverse.ptr<double>(0), inverse.ptr<double>(0) + std::ptrdiff_t(n) * size);
+}
+
+std::vector<double> ThinPlateWeights::operator()(const core::Direction& query) const {
+  const std::size_t n = points_.size();
+  std::vector<double> at_points(n, 0.0);
+  const auto same = std::find_if(points_.begin(), points_.end(), [&](core::Vec3 point) {
+    return squared_distance(point, query.vec()) < kOnALight * kOnALight;
+  });
+  if (same != points_.end()) {
+    at_points[std::size_t(same - points_.begin())] = 1;
+  } else {
+    const std::vector<double> b = right_side(query.vec());
+    for (std::size_t i = 0; i < n; ++i)
+      at_points[i] =
+          std::inner_product(b.begin(), b.end(), inverse_.begin() + std::ptrdiff_t(i * b.size()), 0.0);
+  }
+  std::vector<double> weights;
+  weights.reserve(point_of_light_.size());
+  for (const std::size_t point : point_of_light_)
+    weights.push_back(at_points[point] / double(lights_at_point_[point]));
+  return weights;
+}
+
+}  // namespace lightstage::model

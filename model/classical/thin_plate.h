@@ -1,0 +1,47 @@
+// Thin-plate interpolation over points in space, as weights.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <vector>
+
+#include "core/direction.h"
+#include "core/vec3.h"
+
+namespace lightstage::model {
+
+// The interpolant of values f_j at the lights' xyz is
+//   F(q) = sum_j c_j phi(|q - l_j|) + sum_m d_m p_m(q),   phi(r) = r^2 log r,   p = 1 and the linear terms,
+// with sum_j c_j p_m(l_j) = 0. It is linear in the values, so F(q) = sum_j w_j(q) f_j with weights that
+// depend on the geometry alone: M [w; v] = [phi(|q - l_j|); p(q)], M = [A P; P^T 0] (Wendland 2004,
+// "Scattered Data Approximation", sections 8.4 and 8.5: phi is conditionally positive definite of order 2 in
+// every dimension, so M is regular for distinct lights). M is inverted once; a query costs n^2
+// multiplications. Since 1 is among the p, the weights sum to 1; at a light they are 1 there and 0 elsewhere.
+//
+// Lights closer together than 1e-4 radians (finer than any calibration) are one point and share its weight
+// equally. Axes along which the lights spread less than 1 % of the widest get no linear term: one light
+// leaves the constant, lights in one plane a plane, where a full polynomial would not be determined or would
+// follow calibration errors.
+class ThinPlateWeights {
+ public:
+  // Throws BadInput for no lights, UsageError for more than 8000 (the matrix would take over 512 MB). O(n^3),
+  // 5 ms for 331.
+  explicit ThinPlateWeights(std::span<const core::Direction> lights);
+
+  // One weight a light.
+  std::vector<double> operator()(const core::Direction& query) const;
+
+ private:
+  void choose_polynomial();
+  void invert();
+  std::vector<double> right_side(core::Vec3 query) const;
+
+  std::vector<core::Vec3> points_;  // distinct
+  std::vector<std::size_t> point_of_light_;
+  std::vector<std::size_t> lights_at_point_;
+  core::Vec3 centre_;  // the polynomial is 1, axis_k . (q - centre)
+  std::vector<core::Vec3> axes_;
+  std::vector<double> inverse_;  // the rows of M's inverse that give w, a row a point
+};
+
+}  // namespace lightstage::model

@@ -1,0 +1,211 @@
+// The weights of thin-plate interpolation, through the public interface.
+#include <array>
+#include <catch2/catch.hpp>
+#include <numbers>
+
+#include "core/error.h"
+#include "core/light_list.h"
+#include "core/sphere.h"
+#include "model/classical.h"
+#include "model/synthetic_scan.h"
+#include "support/support.h"
+
+namespace lightstage {
+
+namespace {
+
+using core::Direction;
+using core::Vec3;
+
+std::unique_ptr<model::LightInterpolator> rbf_over(const std::vector<Direction>& lights) {
+  return model::make_rbf(test::scan_of(lights, {1, 1, 1}, [](auto&&...) { return 1.0; }), model::Domain::kLinear);
+}
+
+double sum_of(const std::vector<double>& values) {
+  long double sum = 0;
+  for (const double v : values) sum += v;
+  return double(sum);
+}
+
+// Interpolates in the plain way: solves for the coefficients of the interpolant by elimination in long
+// double, then evaluates it.
+class PlainThinPlate {
+ public:
+  PlainThinPlate(const std::vector<Direction>& lights, const std::vector<double>& values) : lights_(lights) {
+    const std::size_t n = lights.size();
+    std::vector<std::vector<long double>> m(n + 4, std::vector<long double>(n + 5, 0));
+    for (std::size_t i = 0; i < n; ++i) {
+      const std::vector<long double> row = terms(lights[i]);
+      for (std::size_t j = 0; j < n + 4; ++j) m[i][j] = row[j];
+      for (std::size_t j = n; j < n + 4; ++j) m[j][i] = row[j];
+      m[i][n + 4] = values[i];
+    }
+    for (std::size_t k = 0; k < n + 4; ++k) {
+      std::size_t pivot = k;
+      for (std::size_t i = k; i < n + 4; ++i)
+        if (std::fabs(m[i][k]) > std::fabs(m[pivot][k])) pivot = i;
+      std::swap(m[k], m[pivot]);
+      for (std::size_t i = 0; i < n + 4; ++i) {
+        if (i == k) continue;
+        const long double factor = m[i][k] / m[k][k];
+        for (std::size_t j = k; j < n + 5; ++j) m[i][j] -= factor * m[k][j];
+      }
+    }
+    for (std::size_t k = 0; k < n + 4; ++k) coefficients_.push_back(m[k][n + 4] / m[k][k]);
+  }
+
+  double at(const Direction& query) const {
+    const std::vector<long double> row = terms(query);
+    long double sum = 0;
+    for (std::size_t k = 0; k < row.size(); ++k) sum += coefficients_[k] * row[k];
+    return double(sum);
+  }
+
+ private:
+  std::vector<long double> terms(const Direction& q) const {
+    std::vector<long double> row;
+    for (const Direction& light : lights_) {
+      const long double r = core::norm(q.vec() - light.vec());
+      row.push_back(r > 0 ? r * r * std::log(r) : 0);
+    }
+    for (const double t : {1.0, q.x(), q.y(), q.z()}) row.push_back(t);
+    return row;
+  }
+  std::vector<Direction> lights_;
+  std::vector<long double> coefficients_;
+};
+
+void require_one_hot_at_lights(const std::vector<Direction>& lights) {
+  const auto rbf = rbf_over(lights);
+  double worst = 0;
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    // A hair beside the light, where the general path is taken, and on it.
+    const Direction beside = Direction::from_vector(lights[i].vec() + Vec3{1e-11, -1e-11, 1e-11});
+    const std::vector<double> weights = rbf->linear_weights(beside);
+    for (std::size_t j = 0; j < lights.size(); ++j) worst = std::max(worst, std::abs(weights[j] - (i == j ? 1 : 0)));
+    const std::vector<double> exact = rbf->linear_weights(lights[i]);
+    for (std::size_t j = 0; j < lights.size(); ++j) REQUIRE(exact[j] == (i == j ? 1 : 0));
+  }
+  CHECK(worst < 1e-9);
+}
+
+}  // namespace
+
+TEST_CASE("rbf weights are 1 at a light and 0 elsewhere, on stages of every size") {
+  for (const std::size_t n : {5u, 12u, 96u, 331u}) require_one_hot_at_lights(core::fibonacci_directions(n));
+}
+
+TEST_CASE("rbf weights are 1 at a light and 0 elsewhere on a real stage") {
+  const auto path = test::real_data("stages/lightstage_331.lp");
+  if (path.empty()) SKIP_TEST("no stage layout here");
+  std::vector<Direction> lights;
+  for (const core::LpEntry& entry : core::read_lp(path)) lights.push_back(entry.direction);
+  require_one_hot_at_lights(lights);
+}
+
+TEST_CASE("rbf weights give what solving for the coefficients gives") {
+  const std::vector<Direction> lights = core::random_directions(40, 3);
+  std::vector<double> values;
+  for (std::size_t i = 0; i < lights.size(); ++i) values.push_back(std::sin(double(7 * i)));
+  const PlainThinPlate plain(lights, values);
+  const auto rbf = rbf_over(lights);
+  for (const Direction& query : core::random_directions(50, 4)) {
+    const std::vector<double> weights = rbf->linear_weights(query);
+    double fast = 0;
+    for (std::size_t i = 0; i < lights.size(); ++i) fast += weights[i] * values[i];
+    CHECK(fast == Approx(plain.at(query)).margin(1e-9));
+  }
+}
+
+TEST_CASE("rbf reproduces every linear function of the light's position, so its weights sum to 1") {
+  const std::vector<Direction> lights = core::fibonacci_directions(150);
+  const auto rbf = rbf_over(lights);
+  const auto f = [](Vec3 v) { return 2 - 3 * v.x + 5 * v.y + 0.5 * v.z; };
+  for (const Direction& query : core::random_directions(100, 5)) {
+    const std::vector<double> weights = rbf->linear_weights(query);
+    CHECK(sum_of(weights) == Approx(1).margin(1e-9));
+    double value = 0;
+    for (std::size_t i = 0; i < lights.size(); ++i) value += weights[i] * f(lights[i].vec());
+    CHECK(value == Approx(f(query.vec())).margin(1e-9));
+  }
+}
+
+TEST_CASE("rbf weights turn with the stage") {
+  const core::Mat3 turn = core::rotation_about({1, 2, -1}, 0.7);
+  const std::vector<Direction> lights = core::random_directions(60, 8);
+  std::vector<Direction> turned;
+  for (const Direction& d : lights) turned.push_back(Direction::from_vector(turn * d.vec()));
+  const auto here = rbf_over(lights), there = rbf_over(turned);
+  for (const Direction& query : core::random_directions(20, 9)) {
+    const auto a = here->linear_weights(query);
+    const auto b = there->linear_weights(Direction::from_vector(turn * query.vec()));
+    for (std::size_t i = 0; i < a.size(); ++i) CHECK(a[i] == Approx(b[i]).margin(1e-9));
+  }
+}
+
+TEST_CASE("lights in the same place share their rbf weight equally") {
+  std::vector<Direction> lights = core::fibonacci_directions(30);
+  const auto alone = rbf_over(lights);
+  const Direction twin = Direction::from_vector(lights[7].vec() + Vec3{0, 1e-5, 0});
+  lights.push_back(lights[7]);
+  lights.push_back(twin);
+  const auto shared = rbf_over(lights);
+  for (const Direction& query : core::random_directions(20, 10)) {
+    const auto a = alone->linear_weights(query);
+    const auto b = shared->linear_weights(query);
+    REQUIRE(b.size() == 32);
+    for (std::size_t i = 0; i < 30; ++i) CHECK(b[i] == Approx(i == 7 ? a[i] / 3 : a[i]).margin(1e-12));
+    CHECK(b[30] == b[7]);
+    CHECK(b[31] == b[7]);
+  }
+}
+
+TEST_CASE("few lights, a ring and one place leave an rbf of lower order that still interpolates") {
+  const auto ring = [](std::size_t n, double latitude, double noise) {
+    std::vector<Direction> lights;
+    for (std::size_t i = 0; i < n; ++i)
+      lights.push_back(Direction::from_longitude_latitude_degrees(360.0 * double(i) / double(n),
+                                                                  latitude + noise * std::sin(double(i * i))));
+    return lights;
+  };
+  std::vector<std::vector<Direction>> layouts;
+  for (const std::size_t n : {1u, 2u, 3u, 4u}) layouts.push_back(core::random_directions(n, n));
+  layouts.push_back({Direction(), Direction::from_vector({0, 0, -1})});  // opposite
+  layouts.push_back(std::vector<Direction>(5));                          // all in one place
+  layouts.push_back(ring(24, 0, 0));
+  layouts.push_back(ring(24, 40, 0));
+  layouts.push_back(ring(24, 40, 0.01));  // as calibrated: off the plane by hundredths of a degree
+  for (const std::vector<Direction>& lights : layouts) {
+    CAPTURE(lights.size());
+    const auto rbf = rbf_over(lights);
+    for (const Direction& query : core::random_directions(30, 11)) {
+      const std::vector<double> weights = rbf->linear_weights(query);
+      CHECK(sum_of(weights) == Approx(1).margin(1e-9));
+      for (const double w : weights) CHECK(std::abs(w) < 50);
+    }
+    for (const Direction& light : lights) {
+      const std::vector<double> weights = rbf->linear_weights(light);
+      double nearest = 0;
+      for (std::size_t i = 0; i < lights.size(); ++i)
+        if (lights[i] == light) nearest += weights[i];
+      CHECK(nearest == Approx(1).margin(1e-9));
+    }
+  }
+}
+
+TEST_CASE("the rbf weights of lights a thousandth of a degree over the merging distance stay finite and sum to 1") {
+  std::vector<Direction> lights = core::fibonacci_directions(100);
+  lights.push_back(Direction::from_vector(lights[50].vec() + Vec3{0, 0, 2e-4}));
+  const auto rbf = rbf_over(lights);
+  for (const Direction& query : core::random_directions(30, 12)) {
+    const auto weights = rbf->linear_weights(query);
+    for (const double w : weights) REQUIRE(std::isfinite(w));
+    CHECK(sum_of(weights) == Approx(1).margin(1e-7));
+  }
+}
+
+TEST_CASE("rbf refuses more lights than a dense system can hold") {
+  CHECK_THROWS_AS(rbf_over(core::fibonacci_directions(8001)), core::UsageError);
+}
+
+}  // namespace lightstage
