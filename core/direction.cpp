@@ -53,8 +53,7 @@ Direction Direction::from_vector(Vec3 v) {
 
 Direction Direction::from_longitude_latitude_degrees(double longitude_degrees, double latitude_degrees) {
   if (!std::isfinite(longitude_degrees) || !(std::abs(latitude_degrees) <= 90))
-    throw BadInput("longitude " + number_text(longitude_degrees) + ", latitude " +
-                   number_text(latitude_degrees) +
+    throw BadInput("longitude " + number_text(longitude_degrees) + ", latitude " + number_text(latitude_degrees) +
                    " degrees is not a direction; latitude runs from -90 to 90");
   const SineCosine longitude = sine_cosine_degrees(longitude_degrees);
   const SineCosine latitude = sine_cosine_degrees(latitude_degrees);
@@ -77,8 +76,7 @@ double angle_radians(const Direction& a, const Direction& b) {
 
 Direction parse_direction(const std::string& text) {
   const auto fail = [&](const std::string& problem) {
-    return BadInput("'" + text + "' is not a direction: " + problem +
-                    "; write x,y,z or longitude,latitude in degrees");
+    return BadInput("'" + text + "' is not a direction: " + problem + "; write x,y,z or longitude,latitude in degrees");
   };
   std::vector<double> numbers;
   for (const std::string_view piece : split(text, ',')) {
@@ -86,8 +84,7 @@ Direction parse_direction(const std::string& text) {
     if (!number) throw fail("'" + std::string(trim(piece)) + "' is not a number");
     numbers.push_back(*number);
   }
-  if (numbers.size() != 2 && numbers.size() != 3)
-    throw fail("it has " + std::to_string(numbers.size()) + " numbers");
+  if (numbers.size() != 2 && numbers.size() != 3) throw fail("it has " + std::to_string(numbers.size()) + " numbers");
   try {
     return numbers.size() == 3 ? Direction::from_vector({numbers[0], numbers[1], numbers[2]})
                                : Direction::from_longitude_latitude_degrees(numbers[0], numbers[1]);

@@ -105,8 +105,7 @@ fs::path temporary_beside(const fs::path& path) {
 void commit(const fs::path& temporary, const fs::path& path) {
   {
     FileDescriptor file(temporary, O_RDONLY);
-    if (!file.is_open() || fsync(file.get()) != 0 || !file.close())
-      throw system_failure("cannot write", path);
+    if (!file.is_open() || fsync(file.get()) != 0 || !file.close()) throw system_failure("cannot write", path);
   }
   if (std::rename(temporary.c_str(), path.c_str()) != 0) throw system_failure("cannot write", path);
   const FileDescriptor folder(folder_of(path), O_RDONLY | O_DIRECTORY);

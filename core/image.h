@@ -20,8 +20,7 @@ template <class T>
 class BasicImageView {
  public:
   BasicImageView() = default;
-  BasicImageView(T* data, ImageSize size, std::size_t row_stride)
-      : data_(data), size_(size), row_stride_(row_stride) {}
+  BasicImageView(T* data, ImageSize size, std::size_t row_stride) : data_(data), size_(size), row_stride_(row_stride) {}
 
   ImageSize size() const { return size_; }
   int height() const { return size_.height; }

@@ -65,8 +65,8 @@ std::vector<LpEntry> read_lp(const std::filesystem::path& path) {
   }
   if (!count) throw fail(1, "the file is empty; expected the number of lights");
   if (entries.size() != static_cast<std::uint64_t>(*count))
-    throw fail(count_line, "says " + std::to_string(*count) + " lights, but " +
-                               std::to_string(entries.size()) + " follow");
+    throw fail(count_line,
+               "says " + std::to_string(*count) + " lights, but " + std::to_string(entries.size()) + " follow");
   return entries;
 }
 
@@ -74,8 +74,7 @@ void write_lp(const std::filesystem::path& path, const std::vector<LpEntry>& ent
   if (entries.empty()) throw BadInput("cannot write " + path.string() + ": there are no lights");
   std::string text = std::to_string(entries.size()) + "\n";
   for (const LpEntry& entry : entries) {
-    if (entry.name.empty() || trim(entry.name) != entry.name ||
-        entry.name.find_first_of("\r\n") != std::string::npos)
+    if (entry.name.empty() || trim(entry.name) != entry.name || entry.name.find_first_of("\r\n") != std::string::npos)
       throw BadInput("cannot write " + path.string() + ": a light's name '" + entry.name +
                      "' is empty, holds a line break, or begins or ends with a blank");
     text += entry.name;

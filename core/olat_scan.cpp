@@ -174,8 +174,8 @@ double OlatScan::Shared::compute_exposure() {
   return top.back() > 0 ? top.back() : 1;
 }
 
-OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_size, Image mask,
-                   Loader loader, std::size_t cache_bytes)
+OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_size, Image mask, Loader loader,
+                   std::size_t cache_bytes)
     : shared_(std::make_shared<Shared>()) {
   const auto fail = [&](const std::string& problem) { return BadInput("scan '" + name + "': " + problem); };
   if (lights.empty()) throw fail("it has no lights");
@@ -186,8 +186,7 @@ OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_
   }
   if (mask.size() != ImageSize{image_size.height, image_size.width, 1})
     throw fail("its mask is " + text_of(mask.size()) + ", its images are " + text_of(image_size));
-  const auto inside =
-      std::count_if(mask.values().begin(), mask.values().end(), [](float m) { return m > 0.5f; });
+  const auto inside = std::count_if(mask.values().begin(), mask.values().end(), [](float m) { return m > 0.5f; });
   if (inside == 0) throw fail("nothing is inside its mask");
 
   for (const Light& light : lights) directions_.push_back(light.direction);
@@ -223,8 +222,8 @@ std::size_t OlatScan::masked_pixel_count() const {
 
 std::size_t OlatScan::source_index(std::size_t light_index) const {
   if (light_index >= source_index_.size())
-    throw BadInput("scan '" + name() + "' has lights 0 to " + std::to_string(source_index_.size() - 1) +
-                   ", not " + std::to_string(light_index));
+    throw BadInput("scan '" + name() + "' has lights 0 to " + std::to_string(source_index_.size() - 1) + ", not " +
+                   std::to_string(light_index));
   return source_index_[light_index];
 }
 

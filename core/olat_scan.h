@@ -18,7 +18,8 @@ namespace lightstage::core {
 // A copy is cheap and shares the image cache. All functions may be called from several threads.
 class OlatScan {
  public:
-  // Reads the image of one light; called at most once for an image that stays cached. May throw.
+  // Reads the image of one light; called at most once for an image that stays cached. Different images may
+  // be asked for from several threads at a time. May throw.
   using Loader = std::function<Image(std::size_t light_index)>;
 
   // `mask` has one channel, the size of the images, 1 inside the subject and 0 outside; an empty one means

@@ -30,8 +30,8 @@ int default_thread_count() {
   if (chosen == nullptr || *chosen == '\0') return processor_count();
   const std::optional<std::int64_t> n = parse_integer(trim(chosen));
   if (!n || *n < 1 || *n > 4096)
-    throw UsageError("LIGHTSTAGE_THREADS must be a number of threads from 1 to 4096, not '" +
-                     std::string(chosen) + "'");
+    throw UsageError("LIGHTSTAGE_THREADS must be a number of threads from 1 to 4096, not '" + std::string(chosen) +
+                     "'");
   return static_cast<int>(*n);
 }
 
@@ -39,9 +39,7 @@ int default_thread_count() {
 // for.
 struct Workers {
   explicit Workers(int n)
-      : count(n),
-        limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(n)),
-        arena(n) {}
+      : count(n), limit(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(n)), arena(n) {}
   int count;
   tbb::global_control limit;
   tbb::task_arena arena;

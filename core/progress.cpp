@@ -116,8 +116,7 @@ struct Progress::State {
     Nanoseconds due = next_show.load();
     const bool terminal = Console::is_terminal();
     // Of several threads that find it due, one shows it.
-    if (now < due || !next_show.compare_exchange_strong(due, now + (terminal ? kBarInterval : kLineInterval)))
-      return;
+    if (now < due || !next_show.compare_exchange_strong(due, now + (terminal ? kBarInterval : kLineInterval))) return;
     with_reading([&](const progress_bar::Reading& reading) {
       if (terminal)
         console.draw_bar(progress_bar::bar_line(reading, Console::columns()));

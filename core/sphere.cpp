@@ -63,8 +63,8 @@ std::vector<Direction> geodesic_directions(std::size_t at_least_n) {
         if (!adjacent(i, k) || !adjacent(j, k)) continue;
         for (std::size_t b = 1; b < frequency; ++b)
           for (std::size_t c = 1; b + c < frequency; ++c)
-            directions.push_back(Direction::from_vector((f - double(b + c)) * corners[i] +
-                                                        double(b) * corners[j] + double(c) * corners[k]));
+            directions.push_back(Direction::from_vector((f - double(b + c)) * corners[i] + double(b) * corners[j] +
+                                                        double(c) * corners[k]));
       }
     }
   return directions;
@@ -89,13 +89,11 @@ std::vector<Direction> random_directions(std::size_t n, std::uint64_t seed) {
   return directions;
 }
 
-std::vector<std::size_t> nearest_indices(std::span<const Direction> directions, const Direction& query,
-                                         std::size_t k) {
+std::vector<std::size_t> nearest_indices(std::span<const Direction> directions, const Direction& query, std::size_t k) {
   std::vector<std::pair<double, std::size_t>> order;
   order.reserve(directions.size());
   // The chord tells close directions apart where the dot product rounds to 1.
-  for (std::size_t i = 0; i < directions.size(); ++i)
-    order.emplace_back(squared_chord(directions[i], query), i);
+  for (std::size_t i = 0; i < directions.size(); ++i) order.emplace_back(squared_chord(directions[i], query), i);
   const auto middle = order.begin() + std::ptrdiff_t(std::min(k, order.size()));
   if (middle != order.end()) std::nth_element(order.begin(), middle, order.end());
   std::sort(order.begin(), middle);

@@ -24,8 +24,7 @@ std::vector<Direction> random_directions(std::size_t n, std::uint64_t seed);
 
 // Indices of the k directions nearest to the query (all of them if fewer), nearest first, ties by lower
 // index. O(n + k log k).
-std::vector<std::size_t> nearest_indices(std::span<const Direction> directions, const Direction& query,
-                                         std::size_t k);
+std::vector<std::size_t> nearest_indices(std::span<const Direction> directions, const Direction& query, std::size_t k);
 
 // Median over the directions of the angle to their nearest other one, in radians. Duplicates (closer than
 // 1e-6) do not count as neighbours. pi for fewer than two distinct directions. O(n^2).
@@ -33,7 +32,7 @@ double median_spacing_radians(std::span<const Direction> directions);
 
 // The solid angle nearest to each direction (its Voronoi cell on the sphere) in steradians, by counting
 // `samples` Fibonacci points: sums to 4 pi, relative error of a cell about 1/sqrt(samples/n). Duplicates
-// share their cell.
+// share their cell. O(samples n).
 std::vector<double> voronoi_solid_angles(std::span<const Direction> directions, std::size_t samples = 200000);
 
 }  // namespace lightstage::core

@@ -35,9 +35,7 @@ inline double norm(Vec3 a) {
 struct Mat3 {
   std::array<Vec3, 3> rows{Vec3{1, 0, 0}, Vec3{0, 1, 0}, Vec3{0, 0, 1}};
 
-  friend Vec3 operator*(const Mat3& m, Vec3 v) {
-    return {dot(m.rows[0], v), dot(m.rows[1], v), dot(m.rows[2], v)};
-  }
+  friend Vec3 operator*(const Mat3& m, Vec3 v) { return {dot(m.rows[0], v), dot(m.rows[1], v), dot(m.rows[2], v)}; }
   Mat3 transposed() const {
     return {{Vec3{rows[0].x, rows[1].x, rows[2].x}, Vec3{rows[0].y, rows[1].y, rows[2].y},
              Vec3{rows[0].z, rows[1].z, rows[2].z}}};

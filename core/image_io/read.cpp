@@ -50,12 +50,10 @@ void check_spec(const fs::path& path, const OIIO::ImageSpec& spec, std::size_t m
   if (spec.x != spec.full_x || spec.y != spec.full_y || spec.width != spec.full_width ||
       spec.height != spec.full_height)
     throw failure(path, "its data window differs from its display window; write it uncropped");
-  const std::uint64_t values =
-      std::uint64_t(spec.width) * std::uint64_t(spec.height) * std::uint64_t(spec.nchannels);
-  const std::string claim = "its header claims " + std::to_string(spec.width) + "x" +
-                            std::to_string(spec.height) + "x" + std::to_string(spec.nchannels) + " values";
-  if (values > max_values)
-    throw failure(path, claim + ", more than the " + std::to_string(max_values) + " allowed");
+  const std::uint64_t values = std::uint64_t(spec.width) * std::uint64_t(spec.height) * std::uint64_t(spec.nchannels);
+  const std::string claim = "its header claims " + std::to_string(spec.width) + "x" + std::to_string(spec.height) +
+                            "x" + std::to_string(spec.nchannels) + " values";
+  if (values > max_values) throw failure(path, claim + ", more than the " + std::to_string(max_values) + " allowed");
   std::error_code error;
   const std::uintmax_t bytes = fs::file_size(path, error);
   if (!error && values > kAlwaysAllowedValues && values / kMostCompression > bytes)
@@ -134,8 +132,8 @@ Image read_image(const fs::path& path, const ReadOptions& options) {
   if (open.input->has_error()) throw failure(path, "is damaged" + detail(*open.input));
   require_finite(image, path.string());
 
-  const bool srgb = options.encoding == Encoding::kAuto ? !open.spec.format.is_floating_point()
-                                                        : options.encoding == Encoding::kSrgb;
+  const bool srgb =
+      options.encoding == Encoding::kAuto ? !open.spec.format.is_floating_point() : options.encoding == Encoding::kSrgb;
   if (srgb) decode_srgb(image);
   return image;
 }
@@ -146,8 +144,7 @@ void require_finite(ImageView image, const std::string& what) {
   const auto row_is_finite = [&](int y) {
     const float* row = image.row(y);
     bool all = true;
-    for (std::size_t i = 0; i < row_length; ++i)
-      all &= finite(row[i]);  // no early exit, so that it vectorises
+    for (std::size_t i = 0; i < row_length; ++i) all &= finite(row[i]);  // no early exit, so that it vectorises
     return all;
   };
   for (int y = 0; y < image.height(); ++y) {

@@ -55,8 +55,7 @@ Image encoded(ImageView image, PixelType type, bool srgb, float lowest, float hi
 OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Format& format, bool srgb) {
   OIIO::ImageSpec spec(size.width, size.height, size.channels, oiio_type(type));
   if (size.channels <= 2)
-    spec.channelnames =
-        size.channels == 1 ? std::vector<std::string>{"Y"} : std::vector<std::string>{"Y", "A"};
+    spec.channelnames = size.channels == 1 ? std::vector<std::string>{"Y"} : std::vector<std::string>{"Y", "A"};
   spec.alpha_channel = size.channels % 2 == 0 ? size.channels - 1 : -1;
   spec.attribute("oiio:UnassociatedAlpha", 1);  // colours go into the file as they are
   // OpenImageIO puts the time of writing into TIFF and EXR when no date is given; blanks are the date
@@ -97,8 +96,7 @@ void write_image(const fs::path& path, ImageView image, const WriteOptions& opti
   if (!holds(format.pixel_types, type)) throw fail("this format cannot hold that type of pixel");
   require_finite(image, "cannot write " + path.string());
 
-  const bool srgb =
-      options.encoding == Encoding::kAuto ? is_integer(type) : options.encoding == Encoding::kSrgb;
+  const bool srgb = options.encoding == Encoding::kAuto ? is_integer(type) : options.encoding == Encoding::kSrgb;
   float highest = std::numeric_limits<float>::max(), lowest = -highest;
   if (is_integer(type)) lowest = 0, highest = 1;
   if (type == PixelType::kHalf) lowest = -kLargestHalf, highest = kLargestHalf;

@@ -21,8 +21,7 @@ std::string failure_of(Function&& function) {
 template <class... Pieces>
 bool says(const std::string& message, const Pieces&... pieces) {
   INFO(message);
-  const bool all =
-      ((message.find(pieces) != std::string::npos) && ...) && message.find('\n') == std::string::npos;
+  const bool all = ((message.find(pieces) != std::string::npos) && ...) && message.find('\n') == std::string::npos;
   CHECKED_ELSE(all) {
     WARN("the message was: " << message);
   }

@@ -1,8 +1,12 @@
 #include "core/progress.h"
 
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cstdio>
 #include <stdexcept>
 #include <thread>
@@ -15,20 +19,49 @@ using core::progress_bar::Reading;
 
 namespace {
 
+// Runs `function` with `file` in the place of stderr.
+template <class Function>
+void with_stderr(int file, const Function& function) {
+  const int saved = dup(STDERR_FILENO);
+  dup2(file, STDERR_FILENO);
+  function();
+  dup2(saved, STDERR_FILENO);
+  close(saved);
+}
+
 // What a function writes to stderr, which is a file meanwhile and no terminal.
 template <class Function>
 std::string stderr_of(const Function& function) {
   std::FILE* file = std::tmpfile();
   REQUIRE(file != nullptr);
-  const int saved = dup(STDERR_FILENO);
-  dup2(fileno(file), STDERR_FILENO);
-  function();
-  dup2(saved, STDERR_FILENO);
-  close(saved);
+  with_stderr(fileno(file), function);
   std::rewind(file);
   std::string text;
   for (int c = std::fgetc(file); c != EOF; c = std::fgetc(file)) text += char(c);
   std::fclose(file);
+  return text;
+}
+
+// The same on a terminal of 60 columns. What is written must fit its buffer of some kilobytes.
+template <class Function>
+std::string terminal_output_of(const Function& function) {
+  const int terminal = posix_openpt(O_RDWR | O_NOCTTY | O_NONBLOCK);
+  REQUIRE(terminal >= 0);
+  REQUIRE(grantpt(terminal) == 0);
+  REQUIRE(unlockpt(terminal) == 0);
+  const int program_side = open(ptsname(terminal), O_RDWR | O_NOCTTY);
+  REQUIRE(program_side >= 0);
+  winsize size{};
+  size.ws_col = 60;
+  size.ws_row = 24;
+  ioctl(program_side, TIOCSWINSZ, &size);
+  with_stderr(program_side, function);
+  std::string text;
+  char block[4096];
+  for (ssize_t n = read(terminal, block, sizeof block); n > 0; n = read(terminal, block, sizeof block))
+    text.append(block, std::size_t(n));
+  close(program_side);
+  close(terminal);
   return text;
 }
 
@@ -77,6 +110,25 @@ TEST_CASE("a log gets plain lines and one at the end with the time taken") {
   CHECK(text.ends_with("s, ok\n"));
   CHECK(std::count(text.begin(), text.end(), '\n') == 2);
   CHECK(text.find('\r') == std::string::npos);
+}
+
+TEST_CASE("a terminal gets a bar that is redrawn in place, and notes stand above it") {
+  const std::string text = terminal_output_of([] {
+    core::Progress progress("frames", 4);
+    progress.advance();  // the first is drawn at once
+    progress.advance();  // too soon for another
+    core::note("a note");
+    std::this_thread::sleep_for(std::chrono::milliseconds(120));
+    progress.set_status(std::string(100, 's'));
+    progress.advance(2);
+  });
+  const std::string bar = "\rframes [######..................]  25% 1/4 0:00 left\x1b[K";
+  CHECK(text.starts_with(bar + "\r\x1b[Ka note\r\nframes [######"));
+  CHECK(text.find("2/4 0:00 left sss") != std::string::npos);
+  CHECK(text.find("sssssssssssssssss\x1b[K") == std::string::npos);  // cut at the terminal's width
+  const std::size_t end = text.rfind("\r\x1b[Kframes: 4/4 in 0.");
+  CHECK(end != std::string::npos);
+  CHECK(std::count(text.begin(), text.end(), '\n') == 2);
 }
 
 TEST_CASE("work that is given up says so") {
