@@ -48,8 +48,7 @@ ContentHash ContentHash::from_hex(std::string_view text) {
     sound = high >= 0 && low >= 0;
     hash.bytes[i] = std::uint8_t(16 * high + low);
   }
-  if (!sound)
-    throw core::StoreError("'" + std::string(text) + "' is not an object's name (32 hexadecimal digits)");
+  if (!sound) throw core::StoreError("'" + std::string(text) + "' is not an object's name (32 hexadecimal digits)");
   return hash;
 }
 
@@ -64,8 +63,7 @@ ContentHash hash_file(const std::filesystem::path& path) {
     throw core::StoreError(path.string() + ": cannot be read: not there or not a file");
   }
   std::ifstream file(path, std::ios::binary);
-  const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(),
-                                                                              &XXH3_freeState);
+  const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(), &XXH3_freeState);
   if (state == nullptr) throw std::bad_alloc();
   XXH3_128bits_reset(state.get());
   std::vector<char> block(std::size_t(1) << 20);

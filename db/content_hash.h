@@ -15,9 +15,8 @@ struct ContentHash {
   std::array<std::uint8_t, 16> bytes{};  // canonical (big-endian) order
   auto operator<=>(const ContentHash&) const = default;
 
-  std::string hex() const;  // 32 lower-case digits
-  static ContentHash from_hex(
-      std::string_view text);  // throws StoreError when it is not 32 hexadecimal digits
+  std::string hex() const;                             // 32 lower-case digits
+  static ContentHash from_hex(std::string_view text);  // throws StoreError when it is not 32 hexadecimal digits
 };
 
 ContentHash hash_bytes(std::span<const std::uint8_t> bytes);

@@ -24,8 +24,7 @@ void require_free(const fs::path& folder) {
 // A folder beside the target, which becomes the target or is removed.
 class UnfinishedFolder {
  public:
-  explicit UnfinishedFolder(fs::path target)
-      : target_(std::move(target)), path_(target_.string() + ".unfinished") {
+  explicit UnfinishedFolder(fs::path target) : target_(std::move(target)), path_(target_.string() + ".unfinished") {
     std::error_code error;
     if (fs::exists(path_, error)) {
       throw core::UsageError(path_.string() +

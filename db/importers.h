@@ -16,8 +16,7 @@ namespace lightstage::db {
 struct PictureEntry {
   std::filesystem::path path;
   core::Direction direction;
-  std::array<double, 3> intensity{
-      1, 1, 1};  // the light's relative strength: the picture is divided by it on loading
+  std::array<double, 3> intensity{1, 1, 1};  // the light's relative strength: the picture is divided by it on loading
 };
 
 // A set of pictures as found on disk, not yet read.

@@ -17,9 +17,8 @@ std::string choose_camera(const Scan& scan, const std::string& wanted) {
   if (scan.cameras.empty()) throw core::UsageError("scan '" + scan.name + "' has no camera");
   if (wanted.empty()) return scan.cameras.front();
   if (std::find(scan.cameras.begin(), scan.cameras.end(), wanted) == scan.cameras.end()) {
-    const auto meant = core::nearest_name(wanted, scan.cameras);
-    throw core::UsageError("scan '" + scan.name + "' has no camera '" + wanted + "'; did you mean '" +
-                           meant.value_or(scan.cameras.front()) + "'?");
+    throw core::UsageError("scan '" + scan.name + "' has no camera '" + wanted + "'" +
+                           core::did_you_mean(wanted, scan.cameras));
   }
   return wanted;
 }
@@ -42,8 +41,7 @@ KnownLights known_lights(const Store& store, const Scan& scan, const std::vector
   for (std::size_t i = 0; i < nominal.size(); ++i) known.lights.emplace(int(i), nominal[i]);
   if (known.lights.empty()) {
     throw core::UsageError("scan '" + scan.name + "': nobody has calibrated the lights of its stage '" +
-                           scan.stage_key +
-                           "'; run `lightstage calibrate`, or give a stage file with nominal lights");
+                           scan.stage_key + "'; run `lightstage calibrate`, or give a stage file with nominal lights");
   }
   return known;
 }
@@ -64,8 +62,8 @@ struct LightSource {
 // The images of the scan's light steps, aligned ones where there is an alignment, in order of each light's
 // first step.
 std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, core::Light>& lights,
-                                       const std::vector<Frame>& frames,
-                                       const std::optional<Product>& alignment, const std::string& camera) {
+                                       const std::vector<Frame>& frames, const std::optional<Product>& alignment,
+                                       const std::string& camera) {
   std::map<int, const Frame*> frame_of_step;
   for (const Frame& frame : frames) frame_of_step[frame.step_index] = &frame;
   std::map<int, ContentHash> aligned;
@@ -79,8 +77,7 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
   for (const Step& step : scan.steps) {
     if (step.kind != StepKind::kLight || !lights.contains(*step.light_index)) continue;
     const std::string place = "scan '" + scan.name + "', camera '" + camera + "', step " +
-                              std::to_string(step.step_index) + " (light " +
-                              std::to_string(*step.light_index) + ")";
+                              std::to_string(step.step_index) + " (light " + std::to_string(*step.light_index) + ")";
     const auto frame = frame_of_step.find(step.step_index);
     if (frame == frame_of_step.end()) {
       throw core::StoreError(place + ": the frame is missing; take it with `lightstage capture --resume`");
@@ -88,8 +85,7 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
     ContentHash object = frame->second->object;
     if (alignment) {
       if (!aligned.contains(step.step_index)) {
-        throw core::StoreError(place +
-                               ": the newest alignment lacks this frame; run `lightstage align` again");
+        throw core::StoreError(place + ": the newest alignment lacks this frame; run `lightstage align` again");
       }
       object = aligned[step.step_index];
     }
@@ -100,8 +96,7 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
         {object, double(step.exposure_ns) * kSecondsPerNanosecond, frame->second->saturation});
   }
   if (sources.empty()) {
-    throw core::UsageError("scan '" + scan.name +
-                           "' has no frame lit by a single light whose direction is known");
+    throw core::UsageError("scan '" + scan.name + "' has no frame lit by a single light whose direction is known");
   }
   return sources;
 }
@@ -127,8 +122,7 @@ core::Image read_mask(const Store& store, const std::optional<Product>& mask) {
   for (const ProductImage& image : mask->images) {
     if (image.role == "mask") return core::to_luminance(store.object(image.object));
   }
-  throw core::StoreError(store.folder().string() + ": mask product " + std::to_string(mask->id) +
-                         " has no image");
+  throw core::StoreError(store.folder().string() + ": mask product " + std::to_string(mask->id) + " has no image");
 }
 
 }  // namespace
@@ -143,8 +137,7 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
   auto sources = std::make_shared<const std::vector<LightSource>>(
       light_sources(scan, known.lights, store.frames(scan.id, camera), alignment, camera));
   // Aligned images are free of ambient light already.
-  auto dark =
-      std::make_shared<const core::Image>(alignment ? core::Image() : dark_level(store, scan, camera));
+  auto dark = std::make_shared<const core::Image>(alignment ? core::Image() : dark_level(store, scan, camera));
 
   std::vector<core::Light> lights;
   std::vector<int> light_index;
@@ -156,11 +149,10 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
   auto loader = [objects = ObjectFiles(store.folder()), sources, dark](std::size_t i) {
     return read_light(objects, (*sources)[i], *dark);
   };
-  return LoadedScan{
-      core::OlatScan(scan.name, std::move(lights), size, read_mask(store, mask), std::move(loader)),
-      std::move(light_index), known.calibration_id,
-      alignment ? std::optional<Id>(alignment->id) : std::nullopt,
-      mask ? std::optional<Id>(mask->id) : std::nullopt};
+  return LoadedScan{core::OlatScan(scan.name, std::move(lights), size, read_mask(store, mask), std::move(loader)),
+                    std::move(light_index), known.calibration_id,
+                    alignment ? std::optional<Id>(alignment->id) : std::nullopt,
+                    mask ? std::optional<Id>(mask->id) : std::nullopt};
 }
 
 core::Image dark_level(const Store& store, const Scan& scan, std::string_view camera) {

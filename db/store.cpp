@@ -37,14 +37,20 @@ void Store::atomically(const std::function<void()>& work) {
 }
 
 ContentHash Store::put_object(core::ImageView image) {
-  const ContentHash hash = impl_->objects.write(image);
-  impl_->write([&] { impl_->know_object(hash, image.size()); });
-  return hash;
+  return impl_->objects.write(image);
 }
 
-void Store::Impl::know_object(const ContentHash& hash, core::ImageSize size) {
-  change("INSERT OR IGNORE INTO objects (hash, height, width, channels) VALUES (?, ?, ?, ?)", hash,
-         size.height, size.width, size.channels);
+core::ImageSize Store::Impl::size_of(const ContentHash& hash) const {
+  auto row = query("SELECT height, width, channels FROM objects WHERE hash = ?", hash);
+  // Not referred to yet: its file knows.
+  if (!row.executeStep()) return objects.read_size(hash);
+  return {row.getColumn(0).getInt(), row.getColumn(1).getInt(), row.getColumn(2).getInt()};
+}
+
+void Store::Impl::know_object(const ContentHash& hash) {
+  const core::ImageSize size = size_of(hash);
+  change("INSERT OR IGNORE INTO objects (hash, height, width, channels) VALUES (?, ?, ?, ?)", hash, size.height,
+         size.width, size.channels);
 }
 
 core::Image Store::object(const ContentHash& hash) const {
@@ -52,11 +58,7 @@ core::Image Store::object(const ContentHash& hash) const {
 }
 
 core::ImageSize Store::object_size(const ContentHash& hash) const {
-  return explaining(folder(), [&] {
-    auto row = impl_->query("SELECT height, width, channels FROM objects WHERE hash = ?", hash);
-    if (!row.executeStep()) throw core::StoreError(folder().string() + ": there is no object " + hash.hex());
-    return core::ImageSize{row.getColumn(0).getInt(), row.getColumn(1).getInt(), row.getColumn(2).getInt()};
-  });
+  return explaining(folder(), [&] { return impl_->size_of(hash); });
 }
 
 fs::path Store::object_path(const ContentHash& hash) const {

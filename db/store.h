@@ -38,15 +38,15 @@ struct Step {
   StepKind kind = StepKind::kLight;
   std::optional<int> light_index = std::nullopt;  // for kLight: counts from 0 in the stage's list of lights
   std::int64_t exposure_ns = 0;                   // 0 for imported pictures
-  std::string pattern = {};  // for kPattern: JSON [[light_index, r, g, b], ...]; else empty
+  std::string pattern = {};                       // for kPattern: JSON [[light_index, r, g, b], ...]; else empty
 };
 
 struct NewScan {
   std::string name;  // unique in the store; letters, digits, '-', '_' and '.', not starting with '.'
   ScanKind kind = ScanKind::kOlat;
-  std::string stage_key;   // scans with one key stand on the same lights: a calibration of one serves all
-  std::string provenance;  // JSON: everything needed to know how it came about (stage, sequence, simulation,
-                           // source files); empty stands for {}
+  std::string stage_key;             // scans with one key stand on the same lights: a calibration of one serves all
+  std::string provenance;            // JSON: everything needed to know how it came about (stage, sequence, simulation,
+                                     // source files); empty stands for {}
   std::vector<std::string> cameras;  // names, unique in the scan
   std::vector<Step> steps;
 };
@@ -165,13 +165,14 @@ class Store {
   std::vector<Frame> frames(Id scan_id) const;                           // in order of step, then camera
 
   // --- objects
-  // Stores an image (half floats, clamped to +-65504) and returns its name; writing the same image twice
-  // keeps one (and mends it, should the one on disk be damaged). Throws BadInput for an image that is empty,
-  // not finite or has more than 4 channels.
+  // Stores an image (half floats, clamped to +-65504), synced, and returns its name; writing the same image twice
+  // keeps one (and mends it, should the one on disk be damaged). Takes no part in transactions: until a frame or
+  // product refers to it, it is only a file. Throws BadInput for an image that is empty, not finite or has more than
+  // 4 channels.
   ContentHash put_object(core::ImageView image);
   // StoreError naming the object when it is missing or its bytes do not match the name.
   core::Image object(const ContentHash& hash) const;
-  core::ImageSize object_size(const ContentHash& hash) const;  // from the catalogue
+  core::ImageSize object_size(const ContentHash& hash) const;  // from catalogue or file header, without decoding
   std::filesystem::path object_path(const ContentHash& hash) const;
 
   // --- products
@@ -184,8 +185,7 @@ class Store {
   std::vector<Product> products(std::string_view kind) const;  // oldest first
   std::optional<Product> newest_product(std::string_view kind, Id scan_id) const;
   // The newest one that is for this camera, as NewProduct::parameters says.
-  std::optional<Product> newest_product(std::string_view kind, const Scan& scan,
-                                        std::string_view camera) const;
+  std::optional<Product> newest_product(std::string_view kind, const Scan& scan, std::string_view camera) const;
   std::optional<Product> product(std::string_view kind, std::string_view name) const;
   std::optional<Product> newest_calibration(std::string_view stage_key) const;
   std::vector<CalibratedLight> calibrated_lights(Id calibration_id) const;  // in order of light_index

@@ -45,9 +45,8 @@ double median(std::vector<double> values) {
 }
 
 // The worst of the usable pictures in one feature, if it is bad enough.
-std::optional<Damage> worst(std::span<const core::Direction> directions,
-                            std::span<const core::Image> pictures, const core::Image& mask,
-                            const std::vector<bool>& usable) {
+std::optional<Damage> worst(std::span<const core::Direction> directions, std::span<const core::Image> pictures,
+                            const core::Image& mask, const std::vector<bool>& usable) {
   std::vector<std::size_t> indices;
   std::vector<Judgement> judgements;
   std::vector<double> spreads;
@@ -69,8 +68,7 @@ std::optional<Damage> worst(std::span<const core::Direction> directions,
   for (const double value : logarithms) deviations.push_back(std::abs(value - centre));
   constexpr double kSigmaOfMad = 1.4826;  // of a normal distribution
   const double sigma = kSigmaOfMad * median(deviations);
-  const std::size_t at =
-      std::size_t(std::max_element(logarithms.begin(), logarithms.end()) - logarithms.begin());
+  const std::size_t at = std::size_t(std::max_element(logarithms.begin(), logarithms.end()) - logarithms.begin());
   const double ratio = std::exp(logarithms[at]);
   if (ratio < kLeastRatio || logarithms[at] - centre < kLeastDeviations * sigma) return std::nullopt;
   return Damage{indices[at], ratio, false};
@@ -78,8 +76,8 @@ std::optional<Damage> worst(std::span<const core::Direction> directions,
 
 }  // namespace
 
-std::vector<Damage> find_damaged(std::span<const core::Direction> directions,
-                                 std::span<const DamageFeatures> features, const DamageFeatures& mask) {
+std::vector<Damage> find_damaged(std::span<const core::Direction> directions, std::span<const DamageFeatures> features,
+                                 const DamageFeatures& mask) {
   std::vector<core::Image> shapes, details;
   for (const DamageFeatures& f : features) {
     shapes.push_back(core::display_encode(f.shape));
@@ -96,8 +94,7 @@ std::vector<Damage> find_damaged(std::span<const core::Direction> directions,
                                                                                                  : *in_shape);
     usable[damaged.back().index] = false;
   }
-  std::sort(damaged.begin(), damaged.end(),
-            [](const Damage& a, const Damage& b) { return a.index < b.index; });
+  std::sort(damaged.begin(), damaged.end(), [](const Damage& a, const Damage& b) { return a.index < b.index; });
   return damaged;
 }
 

@@ -18,8 +18,7 @@ struct DamageFeatures {
 
 struct Damage {
   std::size_t index = 0;
-  double error_ratio =
-      0;  // how many times farther from its neighbours' prediction than they are from one another
+  double error_ratio = 0;  // how many times farther from its neighbours' prediction than they are from one another
   bool in_detail = false;  // the rows are torn rather than the whole too bright, too dark or another
 };
 
@@ -30,7 +29,7 @@ struct Damage {
 // a damaged picture does not accuse or excuse its neighbours. Empty for fewer than 16 pictures. The mask
 // (empty, or like `shape` and `detail` in size) weighs pixels. On the real sets: sound pictures stay
 // below 2.1, torn or nearly black ones begin at 3.2.
-std::vector<Damage> find_damaged(std::span<const core::Direction> directions,
-                                 std::span<const DamageFeatures> features, const DamageFeatures& mask);
+std::vector<Damage> find_damaged(std::span<const core::Direction> directions, std::span<const DamageFeatures> features,
+                                 const DamageFeatures& mask);
 
 }  // namespace lightstage::db

@@ -59,16 +59,14 @@ class Comparison {
   }
 
   // How badly the picture fits in with those around the place.
-  double misfit(std::size_t picture, std::size_t place) const {
-    return misfit_[place * shadings_.size() + picture];
-  }
+  double misfit(std::size_t picture, std::size_t place) const { return misfit_[place * shadings_.size() + picture]; }
 
  private:
   void compare_at(std::size_t place, std::span<const Neighbour> around) {
     const Shading usual = predict(around, shadings_.size());
     for (std::size_t picture = 0; picture < shadings_.size(); ++picture) {
-      const bool is_neighbour = std::any_of(around.begin(), around.end() - 1,
-                                            [&](const Neighbour& n) { return n.index == picture; });
+      const bool is_neighbour =
+          std::any_of(around.begin(), around.end() - 1, [&](const Neighbour& n) { return n.index == picture; });
       const double distance = is_neighbour ? distance_between(shadings_[picture], predict(around, picture))
                                            : distance_between(shadings_[picture], usual);
       misfit_[place * shadings_.size() + picture] = distance + kNoise;

@@ -4,8 +4,8 @@
 
 namespace lightstage::db {
 
-std::vector<Neighbour> neighbours(std::span<const core::Direction> directions, std::size_t place,
-                                  std::size_t count, const std::vector<bool>& usable) {
+std::vector<Neighbour> neighbours(std::span<const core::Direction> directions, std::size_t place, std::size_t count,
+                                  const std::vector<bool>& usable) {
   // Half a degree, so that a light which stands twice in the list does not silence all others.
   constexpr double kSoftening = 0.01;
   std::vector<Neighbour> found;

@@ -16,7 +16,7 @@ struct Neighbour {
 
 // The `count` usable lights nearest to light `place` (itself left out), weighted by the inverse of their
 // angle to it.
-std::vector<Neighbour> neighbours(std::span<const core::Direction> directions, std::size_t place,
-                                  std::size_t count, const std::vector<bool>& usable);
+std::vector<Neighbour> neighbours(std::span<const core::Direction> directions, std::size_t place, std::size_t count,
+                                  const std::vector<bool>& usable);
 
 }  // namespace lightstage::db

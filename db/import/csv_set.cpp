@@ -41,14 +41,12 @@ std::vector<std::string> csv_fields(const TextLine& line) {
 class CsvHeader {
  public:
   explicit CsvHeader(const TextLine& line) : place_(line.place) {
-    const std::vector<std::string> known{"file",     "x", "y", "z", "longitude",
-                                         "latitude", "r", "g", "b", "intensity"};
+    const std::vector<std::string> known{"file", "x", "y", "z", "longitude", "latitude", "r", "g", "b", "intensity"};
     const std::vector<std::string> names = csv_fields(line);
     for (std::size_t i = 0; i < names.size(); ++i) {
       if (std::find(known.begin(), known.end(), names[i]) == known.end()) {
-        throw core::BadInput(
-            place_ + ": column '" + names[i] +
-            "' is not known; columns are file, x,y,z or longitude,latitude, and r,g,b or intensity");
+        throw core::BadInput(place_ + ": column '" + names[i] +
+                             "' is not known; columns are file, x,y,z or longitude,latitude, and r,g,b or intensity");
       }
       if (!columns_.emplace(names[i], i).second)
         throw core::BadInput(place_ + ": column '" + names[i] + "' comes twice");
@@ -84,12 +82,10 @@ class CsvHeader {
 PictureEntry parse_row(const CsvHeader& header, const TextLine& line, const fs::path& folder) {
   const std::vector<std::string> fields = csv_fields(line);
   if (fields.size() != header.size()) {
-    throw core::BadInput(line.place + ": " + std::to_string(fields.size()) +
-                         " fields, but the header names " + std::to_string(header.size()));
+    throw core::BadInput(line.place + ": " + std::to_string(fields.size()) + " fields, but the header names " +
+                         std::to_string(header.size()));
   }
-  const auto number = [&](const std::string& column) {
-    return finite_number(fields[header.at(column)], line.place);
-  };
+  const auto number = [&](const std::string& column) { return finite_number(fields[header.at(column)], line.place); };
   PictureEntry entry;
   if (header.has({"x", "y", "z"})) {
     entry.direction = direction_at({number("x"), number("y"), number("z")}, line.place);

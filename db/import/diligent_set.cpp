@@ -34,13 +34,14 @@ std::vector<TextLine> numbered_names(std::size_t count, const fs::path& lights) 
 
 PictureSet read_diligent_set(const fs::path& path) {
   require_folder(path);
+  std::error_code none;
   const fs::path directions_file = path / "light_directions.txt";
   const fs::path names_file = path / "filenames.txt";
   const fs::path intensities_file = path / "light_intensities.txt";
   const std::vector<TextLine> directions = read_lines(directions_file);
   if (directions.empty()) throw core::BadInput(directions_file.string() + ": no lights in it");
   const std::vector<TextLine> names =
-      fs::exists(names_file) ? read_lines(names_file) : numbered_names(directions.size(), directions_file);
+      fs::exists(names_file, none) ? read_lines(names_file) : numbered_names(directions.size(), directions_file);
   require_count(directions_file, directions.size(), names.size());
 
   PictureSet set;
@@ -49,10 +50,10 @@ PictureSet read_diligent_set(const fs::path& path) {
   set.encoding = core::Encoding::kLinear;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const auto [x, y, z] = three_numbers(directions[i]);
-    set.pictures.push_back({find_listed_file(path, names[i].text, names[i].place),
-                            direction_at({x, y, z}, directions[i].place)});
+    set.pictures.push_back(
+        {find_listed_file(path, names[i].text, names[i].place), direction_at({x, y, z}, directions[i].place)});
   }
-  if (fs::exists(intensities_file)) {
+  if (fs::exists(intensities_file, none)) {
     const std::vector<TextLine> intensities = read_lines(intensities_file);
     require_count(intensities_file, intensities.size(), names.size());
     for (std::size_t i = 0; i < names.size(); ++i) {

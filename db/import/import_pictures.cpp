@@ -19,8 +19,7 @@ namespace {
 constexpr const char* kCamera = "camera";
 
 std::string to_text(core::ImageSize size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height) +
-         (size.channels < 3 ? " grey" : " colour");
+  return std::to_string(size.width) + "x" + std::to_string(size.height) + (size.channels < 3 ? " grey" : " colour");
 }
 
 // As read_picture gives it.
@@ -42,8 +41,7 @@ core::Image read_mask(const fs::path& path) {
     value = value >= 0.5F ? 1.0F : 0.0F;
     any = any || value > 0;
   }
-  if (!any)
-    throw core::BadInput(path.string() + ": the mask is black everywhere; it must be white on the subject");
+  if (!any) throw core::BadInput(path.string() + ": the mask is black everywhere; it must be white on the subject");
   return mask;
 }
 
@@ -55,8 +53,8 @@ core::ImageSize common_size(const PictureSet& set) {
     core::ImageSize other = without_alpha(core::read_image_size(path));
     if (!same_channels) other.channels = size.channels;
     if (other != size) {
-      throw core::BadInput(path.string() + ": the picture is " + to_text(other) + ", but " +
-                           first.filename().string() + " is " + to_text(size) + "; all must be alike");
+      throw core::BadInput(path.string() + ": the picture is " + to_text(other) + ", but " + first.filename().string() +
+                           " is " + to_text(size) + "; all must be alike");
     }
   };
   for (const PictureEntry& picture : set.pictures) require(picture.path, true);
@@ -114,9 +112,8 @@ std::vector<CalibratedLight> calibration_of(const PictureSet& set, const std::ve
     std::snprintf(ratio, sizeof ratio, "%.1f", damage.error_ratio);
     entry.placed = false;
     entry.reason = set.pictures[damage.index].path.filename().string() +
-                   (damage.in_detail ? ": its rows do" : ": it does") +
-                   " not fit the pictures of the lights around (" + ratio +
-                   " times their own spread): damaged or mislabelled";
+                   (damage.in_detail ? ": its rows do" : ": it does") + " not fit the pictures of the lights around (" +
+                   ratio + " times their own spread): damaged or mislabelled";
   }
   return lights;
 }

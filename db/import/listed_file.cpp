@@ -36,8 +36,7 @@ fs::path find_listed_file(const fs::path& folder, std::string listed, const std:
   const fs::path beside = folder / path.filename();
   if (!path.filename().empty() && is_there(beside) && is_inside(folder, beside)) return beside;
   if (leaves)
-    throw core::BadInput(place + ": '" + listed +
-                         "' leads out of the folder; put the picture beside the list");
+    throw core::BadInput(place + ": '" + listed + "' leads out of the folder; put the picture beside the list");
   throw core::BadInput(place + ": the picture '" + listed + "' is not there");
 }
 

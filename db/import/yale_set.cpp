@@ -22,7 +22,9 @@ PictureSet read_yale_set(const fs::path& path) {
   // The camera has a linear response (Georghiades et al. 2001, section 4.1).
   set.encoding = core::Encoding::kLinear;
   std::set<std::string> poses;
-  for (const fs::directory_entry& entry : fs::directory_iterator(path)) {
+  std::error_code error;
+  for (fs::directory_iterator file(path, error), end; !error && file != end; file.increment(error)) {
+    const fs::directory_entry& entry = *file;
     const std::string name = entry.path().filename().string();
     std::smatch parts;
     if (std::regex_match(name, parts, kAmbient)) {
@@ -36,29 +38,26 @@ PictureSet read_yale_set(const fs::path& path) {
         throw core::BadInput(entry.path().string() + ": azimuth or elevation in the name is out of range");
       }
       // Positive azimuth is light from image left, which is -x.
-      set.pictures.push_back(
-          {entry.path(), core::Direction::from_longitude_latitude_degrees(-azimuth, elevation)});
+      set.pictures.push_back({entry.path(), core::Direction::from_longitude_latitude_degrees(-azimuth, elevation)});
     }
   }
+  if (error) throw core::BadInput(path.string() + ": cannot be listed: " + error.message());
   if (set.pictures.empty()) {
-    throw core::BadInput(
-        path.string() +
-        ": no picture named NAME_PnnA<azimuth>E<elevation>.pgm, such as yaleB01_P00A+005E-10.pgm");
+    throw core::BadInput(path.string() +
+                         ": no picture named NAME_PnnA<azimuth>E<elevation>.pgm, such as yaleB01_P00A+005E-10.pgm");
   }
   if (poses.size() > 1) {
-    throw core::BadInput(path.string() + ": pictures of several subjects or poses ('" + *poses.begin() +
-                         "', '" + *std::next(poses.begin()) + "'); give each its own folder");
+    throw core::BadInput(path.string() + ": pictures of several subjects or poses ('" + *poses.begin() + "', '" +
+                         *std::next(poses.begin()) + "'); give each its own folder");
   }
   // A folder has no order of its own.
-  std::sort(set.pictures.begin(), set.pictures.end(),
-            [](const auto& a, const auto& b) { return a.path < b.path; });
+  std::sort(set.pictures.begin(), set.pictures.end(), [](const auto& a, const auto& b) { return a.path < b.path; });
   if (set.ambient) {
     const core::ImageSize ambient = core::read_image_size(*set.ambient);
     const core::ImageSize lit = core::read_image_size(set.pictures.front().path);
     if (ambient != lit) {
-      throw core::BadInput(set.ambient->string() + ": the ambient picture is " +
-                           std::to_string(ambient.width) + "x" + std::to_string(ambient.height) +
-                           " pixels, the set " + std::to_string(lit.width) + "x" +
+      throw core::BadInput(set.ambient->string() + ": the ambient picture is " + std::to_string(ambient.width) + "x" +
+                           std::to_string(ambient.height) + " pixels, the set " + std::to_string(lit.width) + "x" +
                            std::to_string(lit.height) + "; remove it or put one of the set's size there");
     }
   }

@@ -8,8 +8,7 @@ namespace lightstage::db {
 
 void subtract_dark(core::Image& image, core::ImageView dark) {
   if (dark.empty()) return;
-  if (dark.size() != image.size())
-    throw core::StoreError("a dark frame is not of the size of the frames it is for");
+  if (dark.size() != image.size()) throw core::StoreError("a dark frame is not of the size of the frames it is for");
   for (int y = 0; y < image.height(); ++y) {
     float* row = image.pixel(y, 0);
     for (int i = 0; i < image.width() * image.channels(); ++i) row[i] -= dark.row(y)[i];

@@ -44,14 +44,16 @@ struct ScratchFolder {
 };
 
 int big_endian(const unsigned char* bytes) {
-  return int(std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 |
-             bytes[3]);
+  return int(std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 | bytes[3]);
 }
 
-// The first page of the database as its write-ahead log has it. SQLite itself reads the log, but on a copy in
-// another folder: opening the original would make a -shm file and, on closing, fold the log into the
+// The first page of the database as its write-ahead log has it; nothing when there is no log. SQLite itself reads the log,
+// but on a copy in another folder: opening the original would make a -shm file and, on closing, fold the log into the
 // database. Of the database only the first page is copied; the rest is a hole of the right length.
-Identity identity_with_log(const fs::path& database, const fs::path& log) {
+std::optional<Identity> identity_with_log(const fs::path& database) {
+  const fs::path log = database.string() + "-wal";
+  std::error_code error;
+  if (!fs::exists(log, error) || fs::file_size(log, error) == 0 || error) return std::nullopt;
   const ScratchFolder scratch;
   const fs::path copy = scratch.path / "look.sqlite";
   {
@@ -61,36 +63,34 @@ Identity identity_with_log(const fs::path& database, const fs::path& log) {
     source.read(page.data(), page.size());
     std::ofstream(copy, std::ios::binary).write(page.data(), source.gcount());
   }
-  fs::resize_file(copy, fs::file_size(database));
-  fs::copy_file(log, fs::path(copy.string() + "-wal"));
+  fs::copy_file(log, copy.string() + "-wal", error);
+  // Whoever used the store has closed it just now, which leaves everything in the database itself.
+  if (error == std::errc::no_such_file_or_directory) return std::nullopt;
+  if (!error) fs::resize_file(copy, fs::file_size(database), error);
+  if (error) throw core::StoreError(log.string() + ": cannot be copied to look at it: " + error.message());
   SQLite::Database look(copy.string(), SQLite::OPEN_READWRITE);
-  return {look.execAndGet("PRAGMA application_id").getInt(), look.execAndGet("PRAGMA user_version").getInt()};
+  return Identity{look.execAndGet("PRAGMA application_id").getInt(), look.execAndGet("PRAGMA user_version").getInt()};
 }
 
 // What the file is, without opening it as a database; nothing for a file that is none.
 std::optional<Identity> look_at(const fs::path& database) {
-  // https://www.sqlite.org/fileformat.html, section 1.3: magic at 0, user version at 60, application id
-  // at 68.
+  // https://www.sqlite.org/fileformat.html, section 1.3: magic at 0, user version at 60, application id at 68.
   constexpr std::size_t kHeaderSize = 100;
   std::array<char, kHeaderSize> header{};
   std::ifstream file(database, std::ios::binary);
   file.read(header.data(), header.size());
-  if (file.gcount() != std::streamsize(kHeaderSize) ||
-      std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
+  if (file.gcount() != std::streamsize(kHeaderSize) || std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
     return std::nullopt;
   }
-  std::error_code none;
-  const fs::path log = database.string() + "-wal";
-  if (fs::exists(log, none) && fs::file_size(log, none) > 0) return identity_with_log(database, log);
+  if (const auto identity = identity_with_log(database)) return identity;
   const auto* bytes = reinterpret_cast<const unsigned char*>(header.data());
   return Identity{big_endian(bytes + 68), big_endian(bytes + 60)};
 }
 
 void refuse_newer(const fs::path& store_folder, int version) {
   if (version <= schema_version()) return;
-  throw core::StoreError(store_folder.string() + ": this store has schema version " +
-                         std::to_string(version) + ", this program knows version " +
-                         std::to_string(schema_version()) +
+  throw core::StoreError(store_folder.string() + ": this store has schema version " + std::to_string(version) +
+                         ", this program knows version " + std::to_string(schema_version()) +
                          "; it was not touched. Use the newer lightstage that made it");
 }
 
@@ -114,9 +114,7 @@ fs::path catalogue_path(const fs::path& store_folder) {
 SQLite::Database create_catalogue(const fs::path& store_folder) {
   return explaining(store_folder, [&] {
     const fs::path path = catalogue_path(store_folder);
-    const auto refuse_existing = [&] {
-      throw core::UsageError(store_folder.string() + ": there is a store already");
-    };
+    const auto refuse_existing = [&] { throw core::UsageError(store_folder.string() + ": there is a store already"); };
     std::error_code none;
     if (fs::exists(path, none) && !fs::is_empty(path, none)) refuse_existing();
     SQLite::Database database(path.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyTimeoutMs);
@@ -133,10 +131,9 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
   const fs::path path = catalogue_path(store_folder);
   std::error_code none;
   if (!fs::exists(path, none)) {
-    throw core::StoreError(
-        store_folder.string() +
-        ": there is no store here (no store.sqlite); make one with `lightstage init --store " +
-        store_folder.string() + "`");
+    throw core::StoreError(store_folder.string() +
+                           ": there is no store here (no store.sqlite); make one with `lightstage init --store " +
+                           store_folder.string() + "`");
   }
   return explaining(store_folder, [&] {
     const std::optional<Identity> identity = fs::is_regular_file(path, none) ? look_at(path) : std::nullopt;

@@ -29,8 +29,8 @@ std::vector<Frame> read_frames(SQLite::Statement row) {
 }
 
 std::string to_text(core::ImageSize size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height) + " with " +
-         std::to_string(size.channels) + (size.channels == 1 ? " channel" : " channels");
+  return std::to_string(size.width) + "x" + std::to_string(size.height) + " with " + std::to_string(size.channels) +
+         (size.channels == 1 ? " channel" : " channels");
 }
 
 }  // namespace
@@ -42,8 +42,7 @@ void Store::Impl::check_frame(const NewFrame& frame, core::ImageSize size) const
   }
   const std::string place = folder.string() + ": scan '" + scan.getColumn(0).getString() + "', camera '" +
                             frame.camera + "', step " + std::to_string(frame.step_index) + ": ";
-  if (!query("SELECT 1 FROM cameras WHERE scan_id = ? AND name = ?", frame.scan_id, frame.camera)
-           .executeStep()) {
+  if (!query("SELECT 1 FROM cameras WHERE scan_id = ? AND name = ?", frame.scan_id, frame.camera).executeStep()) {
     throw core::BadInput(place + "the scan has no such camera");
   }
   if (!query("SELECT 1 FROM steps WHERE scan_id = ? AND step_index = ?", frame.scan_id, frame.step_index)
@@ -57,8 +56,7 @@ void Store::Impl::check_frame(const NewFrame& frame, core::ImageSize size) const
       "WHERE f.scan_id = ? AND f.camera = ? AND f.step_index <> ? LIMIT 1",
       frame.scan_id, frame.camera, frame.step_index);
   if (!other.executeStep()) return;
-  const core::ImageSize expected{other.getColumn(0).getInt(), other.getColumn(1).getInt(),
-                                 other.getColumn(2).getInt()};
+  const core::ImageSize expected{other.getColumn(0).getInt(), other.getColumn(1).getInt(), other.getColumn(2).getInt()};
   if (expected != size) {
     throw core::BadInput(place + "the image is " + to_text(size) + ", the camera's other frames are " +
                          to_text(expected));
@@ -68,38 +66,33 @@ void Store::Impl::check_frame(const NewFrame& frame, core::ImageSize size) const
 Id Store::put_frame(const NewFrame& frame, core::ImageView image) {
   // Before the object is written, so that a frame that cannot be taken leaves nothing behind.
   explaining(folder(), [&] { impl_->check_frame(frame, image.size()); });
-  const ContentHash object = impl_->objects.write(image);
-  return impl_->write([&] {
-    impl_->know_object(object, image.size());
-    return add_frame(frame, object);
-  });
+  return add_frame(frame, put_object(image));
 }
 
 Id Store::add_frame(const NewFrame& frame, const ContentHash& object) {
   return impl_->write([&] {
-    impl_->check_frame(frame, object_size(object));
+    impl_->check_frame(frame, impl_->size_of(object));
+    impl_->know_object(object);
     impl_->change(
         "INSERT OR REPLACE INTO frames "
         "(scan_id, camera, step_index, timestamp_ns, sequence_number, attempt, saturation, object) "
         "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-        frame.scan_id, frame.camera, frame.step_index, frame.timestamp_ns, frame.sequence_number,
-        frame.attempt, frame.saturation, object);
+        frame.scan_id, frame.camera, frame.step_index, frame.timestamp_ns, frame.sequence_number, frame.attempt,
+        frame.saturation, object);
     return Id(impl_->database.getLastInsertRowid());
   });
 }
 
 std::vector<Frame> Store::frames(Id scan_id, std::string_view camera) const {
   return explaining(folder(), [&] {
-    const std::string sql =
-        std::string(kFrameColumns) + "WHERE f.scan_id = ? AND f.camera = ? ORDER BY f.step_index";
+    const std::string sql = std::string(kFrameColumns) + "WHERE f.scan_id = ? AND f.camera = ? ORDER BY f.step_index";
     return read_frames(impl_->query(sql.c_str(), scan_id, camera));
   });
 }
 
 std::vector<Frame> Store::frames(Id scan_id) const {
   return explaining(folder(), [&] {
-    const std::string sql =
-        std::string(kFrameColumns) + "WHERE f.scan_id = ? ORDER BY f.step_index, c.position";
+    const std::string sql = std::string(kFrameColumns) + "WHERE f.scan_id = ? ORDER BY f.step_index, c.position";
     return read_frames(impl_->query(sql.c_str(), scan_id));
   });
 }

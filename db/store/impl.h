@@ -72,7 +72,10 @@ struct Store::Impl {
   Product product_from(SQLite::Statement& row) const;
   template <class... Values>
   std::optional<Product> first_product(const std::string& condition, const Values&... values) const;
-  void know_object(const ContentHash& hash, core::ImageSize size);
+  // From the catalogue, or from the file's header for an object that nothing refers to yet.
+  core::ImageSize size_of(const ContentHash& hash) const;
+  // Enters the object into the catalogue, before the first row that refers to it.
+  void know_object(const ContentHash& hash);
   // Throws BadInput unless the scan has this camera and step and the camera's other frames are of this size.
   void check_frame(const NewFrame& frame, core::ImageSize size) const;
 

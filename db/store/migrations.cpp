@@ -136,8 +136,7 @@ bool migrate(SQLite::Database& database) {
   // Immediate: of two programs that open an old store at once, one waits here and then finds nothing to do.
   SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
   const int found = database.execAndGet("PRAGMA user_version").getInt();
-  for (int version = found; version < schema_version(); ++version)
-    database.exec(kMigrations[std::size_t(version)]);
+  for (int version = found; version < schema_version(); ++version) database.exec(kMigrations[std::size_t(version)]);
   if (found < schema_version()) {
     database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
     database.exec("PRAGMA user_version = " + std::to_string(schema_version()));
@@ -149,8 +148,7 @@ bool migrate(SQLite::Database& database) {
 std::string schema_of(const SQLite::Database& database) {
   std::string text;
   SQLite::Statement rows(
-      database,
-      "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL AND name NOT LIKE 'sqlite_%' ORDER BY name");
+      database, "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL AND name NOT LIKE 'sqlite_%' ORDER BY name");
   while (rows.executeStep()) text += rows.getColumn(0).getString() + ";\n";
   return text;
 }

@@ -58,8 +58,7 @@ fs::path ObjectFiles::path(const ContentHash& hash) const {
 ContentHash ObjectFiles::write(core::ImageView image) const {
   if (image.empty()) throw core::BadInput("an image without pixels cannot be stored");
   if (image.channels() > 4) {
-    throw core::BadInput("an image of " + std::to_string(image.channels()) +
-                         " channels cannot be stored (at most 4)");
+    throw core::BadInput("an image of " + std::to_string(image.channels()) + " channels cannot be stored (at most 4)");
   }
   core::require_finite(image, "image to store");
 
@@ -106,12 +105,20 @@ core::Image ObjectFiles::read(const ContentHash& hash) const {
   }
 }
 
+core::ImageSize ObjectFiles::read_size(const ContentHash& hash) const {
+  try {
+    return core::read_image_size(path(hash));
+  } catch (const core::BadInput& error) {
+    throw core::StoreError(store_folder_.string() + ": object " + hash.hex() + ": " + error.what());
+  }
+}
+
 ObjectFiles::Listing ObjectFiles::list() const {
   Listing listing;
   std::error_code error;
-  for (fs::recursive_directory_iterator entry(folder(), error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (entry->is_directory()) continue;
+  for (fs::recursive_directory_iterator entry(folder(), error), end; !error && entry != end; entry.increment(error)) {
+    std::error_code vanished;  // a file that is being written may be renamed at any moment
+    if (!entry->is_regular_file(vanished)) continue;
     const fs::path& file = entry->path();
     std::optional<ContentHash> hash;
     try {

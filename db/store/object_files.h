@@ -26,6 +26,8 @@ class ObjectFiles {
 
   // Throws StoreError when the object is missing or damaged.
   core::Image read(const ContentHash& hash) const;
+  // From the file's header alone, which does not prove the rest sound. Throws as read.
+  core::ImageSize read_size(const ContentHash& hash) const;
 
   std::filesystem::path folder() const { return store_folder_ / "objects"; }
   std::filesystem::path path(const ContentHash& hash) const;
@@ -34,9 +36,8 @@ class ObjectFiles {
   std::optional<std::string> problem(const ContentHash& hash) const;
 
   struct Listing {
-    std::vector<ContentHash> objects;  // in order of name
-    std::vector<std::filesystem::path>
-        strangers;  // files that are no objects: interrupted writes and the like
+    std::vector<ContentHash> objects;              // in order of name
+    std::vector<std::filesystem::path> strangers;  // files that are no objects: interrupted writes and the like
   };
   Listing list() const;
 

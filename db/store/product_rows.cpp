@@ -26,8 +26,7 @@ void check_lights(const std::vector<CalibratedLight>& lights) {
       throw core::BadInput(place + "its position is not finite");
     for (const double gain : light.light.gain) {
       // Images are divided by it.
-      if (!std::isfinite(gain) || gain <= 0)
-        throw core::BadInput(place + "its gain is not a positive number");
+      if (!std::isfinite(gain) || gain <= 0) throw core::BadInput(place + "its gain is not a positive number");
     }
     if (!std::isfinite(light.sigma_degrees) || light.sigma_degrees < 0) {
       throw core::BadInput(place + "its sigma is not a number >= 0");
@@ -64,25 +63,24 @@ Id Store::add_product(const NewProduct& product) {
         core::utc_timestamp(), std::string_view(core::kVersion));
     const Id id = impl_->database.getLastInsertRowid();
     for (std::size_t i = 0; i < product.input_scans.size(); ++i) {
-      impl_->change("INSERT INTO product_input_scans (product_id, position, scan_id) VALUES (?, ?, ?)", id,
-                    int(i), product.input_scans[i]);
+      impl_->change("INSERT INTO product_input_scans (product_id, position, scan_id) VALUES (?, ?, ?)", id, int(i),
+                    product.input_scans[i]);
     }
     for (std::size_t i = 0; i < product.input_products.size(); ++i) {
-      impl_->change("INSERT INTO product_input_products (product_id, position, input_id) VALUES (?, ?, ?)",
-                    id, int(i), product.input_products[i]);
+      impl_->change("INSERT INTO product_input_products (product_id, position, input_id) VALUES (?, ?, ?)", id, int(i),
+                    product.input_products[i]);
     }
     for (const ProductImage& image : product.images) {
-      impl_->change(
-          "INSERT INTO product_images (product_id, role, image_index, object, value) VALUES (?, ?, ?, ?, ?)",
-          id, image.role, image.index, image.object, image.value);
+      impl_->know_object(image.object);
+      impl_->change("INSERT INTO product_images (product_id, role, image_index, object, value) VALUES (?, ?, ?, ?, ?)",
+                    id, image.role, image.index, image.object, image.value);
     }
     return id;
   });
 }
 
 Id Store::add_calibration(const NewProduct& product, const std::vector<CalibratedLight>& lights) {
-  if (product.kind != "calibration")
-    throw core::BadInput("a product of kind '" + product.kind + "' is no calibration");
+  if (product.kind != "calibration") throw core::BadInput("a product of kind '" + product.kind + "' is no calibration");
   check_lights(lights);
   return impl_->write([&] {
     const Id id = add_product(product);
@@ -100,8 +98,8 @@ Id Store::add_calibration(const NewProduct& product, const std::vector<Calibrate
       };
       const auto& gain = entry.light.gain;
       bind_all(insert, id, entry.light_index, int(entry.placed), direction.x(), direction.y(), direction.z(),
-               coordinate(&core::Vec3::x), coordinate(&core::Vec3::y), coordinate(&core::Vec3::z), gain[0],
-               gain[1], gain[2], entry.sigma_degrees, entry.reason);
+               coordinate(&core::Vec3::x), coordinate(&core::Vec3::y), coordinate(&core::Vec3::z), gain[0], gain[1],
+               gain[2], entry.sigma_degrees, entry.reason);
       insert.exec();
       insert.reset();
     }
@@ -119,25 +117,23 @@ Product Store::Impl::product_from(SQLite::Statement& row) const {
   product.parameters = row.getColumn(5).getString();
   product.created_utc = row.getColumn(6).getString();
   product.program_version = row.getColumn(7).getString();
-  product.input_scans = read_ids(
-      query("SELECT scan_id FROM product_input_scans WHERE product_id = ? ORDER BY position", product.id));
-  product.input_products = read_ids(query(
-      "SELECT input_id FROM product_input_products WHERE product_id = ? ORDER BY position", product.id));
+  product.input_scans =
+      read_ids(query("SELECT scan_id FROM product_input_scans WHERE product_id = ? ORDER BY position", product.id));
+  product.input_products =
+      read_ids(query("SELECT input_id FROM product_input_products WHERE product_id = ? ORDER BY position", product.id));
   auto images = query(
       "SELECT role, image_index, object, value FROM product_images WHERE product_id = ? ORDER BY role, "
       "image_index",
       product.id);
   while (images.executeStep()) {
     product.images.push_back({images.getColumn(0).getString(), images.getColumn(1).getInt(),
-                              ContentHash::from_hex(images.getColumn(2).getString()),
-                              images.getColumn(3).getDouble()});
+                              ContentHash::from_hex(images.getColumn(2).getString()), images.getColumn(3).getDouble()});
   }
   return product;
 }
 
 template <class... Values>
-std::optional<Product> Store::Impl::first_product(const std::string& condition,
-                                                  const Values&... values) const {
+std::optional<Product> Store::Impl::first_product(const std::string& condition, const Values&... values) const {
   return explaining(folder, [&]() -> std::optional<Product> {
     auto row = query((kProductColumns + condition).c_str(), values...);
     if (!row.executeStep()) return std::nullopt;
@@ -158,8 +154,7 @@ std::optional<Product> Store::newest_product(std::string_view kind, Id scan_id) 
   return impl_->first_product("WHERE kind = ? AND scan_id = ? ORDER BY id DESC LIMIT 1", kind, scan_id);
 }
 
-std::optional<Product> Store::newest_product(std::string_view kind, const Scan& scan,
-                                             std::string_view camera) const {
+std::optional<Product> Store::newest_product(std::string_view kind, const Scan& scan, std::string_view camera) const {
   if (scan.cameras.empty()) return std::nullopt;
   return impl_->first_product(
       "WHERE kind = ? AND scan_id = ? AND coalesce(json_extract(parameters, '$.camera'), ?) = ? ORDER BY id "
@@ -173,8 +168,7 @@ std::optional<Product> Store::product(std::string_view kind, std::string_view na
 }
 
 std::optional<Product> Store::newest_calibration(std::string_view stage_key) const {
-  return impl_->first_product("WHERE kind = 'calibration' AND stage_key = ? ORDER BY id DESC LIMIT 1",
-                              stage_key);
+  return impl_->first_product("WHERE kind = 'calibration' AND stage_key = ? ORDER BY id DESC LIMIT 1", stage_key);
 }
 
 std::vector<CalibratedLight> Store::calibrated_lights(Id calibration_id) const {

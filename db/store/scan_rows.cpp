@@ -78,8 +78,7 @@ std::string_view to_string(StepKind kind) {
 void Store::require_free_name(const std::string& name) const {
   check_name(name, "scan");
   if (find_scan(name)) {
-    throw core::UsageError(folder().string() + ": there is a scan '" + name +
-                           "' already; choose another name");
+    throw core::UsageError(folder().string() + ": there is a scan '" + name + "' already; choose another name");
   }
 }
 
@@ -90,20 +89,17 @@ Id Store::add_scan(const NewScan& scan) {
     impl_->change(
         "INSERT INTO scans (name, kind, stage_key, provenance, created_utc, program_version) VALUES (?, ?, "
         "?, ?, ?, ?)",
-        scan.name, to_string(scan.kind), scan.stage_key, json_or_empty(scan.provenance),
-        core::utc_timestamp(), std::string_view(core::kVersion));
+        scan.name, to_string(scan.kind), scan.stage_key, json_or_empty(scan.provenance), core::utc_timestamp(),
+        std::string_view(core::kVersion));
     const Id id = impl_->database.getLastInsertRowid();
     for (std::size_t i = 0; i < scan.cameras.size(); ++i) {
-      impl_->change("INSERT INTO cameras (scan_id, position, name) VALUES (?, ?, ?)", id, int(i),
-                    scan.cameras[i]);
+      impl_->change("INSERT INTO cameras (scan_id, position, name) VALUES (?, ?, ?)", id, int(i), scan.cameras[i]);
     }
-    SQLite::Statement insert(
-        impl_->database,
-        "INSERT INTO steps (scan_id, step_index, kind, light_index, exposure_ns, pattern) "
-        "VALUES (?, ?, ?, ?, ?, ?)");
+    SQLite::Statement insert(impl_->database,
+                             "INSERT INTO steps (scan_id, step_index, kind, light_index, exposure_ns, pattern) "
+                             "VALUES (?, ?, ?, ?, ?, ?)");
     for (const Step& step : scan.steps) {
-      bind_all(insert, id, step.step_index, to_string(step.kind), step.light_index, step.exposure_ns,
-               step.pattern);
+      bind_all(insert, id, step.step_index, to_string(step.kind), step.light_index, step.exposure_ns, step.pattern);
       insert.exec();
       insert.reset();
     }
@@ -150,9 +146,8 @@ Scan Store::scan(std::string_view name) const {
   if (auto found = find_scan(name)) return *std::move(found);
   std::vector<std::string> names;
   for (const Scan& known : scans()) names.push_back(known.name);
-  const auto meant = core::nearest_name(name, names);
   throw core::UsageError(folder().string() + ": there is no scan '" + std::string(name) + "'" +
-                         (meant ? "; did you mean '" + *meant + "'?" : "; `lightstage store ls` lists them"));
+                         core::did_you_mean(name, names) + "; `lightstage store ls` lists all");
 }
 
 Scan Store::scan(Id id) const {
@@ -186,9 +181,8 @@ void Store::remove_scan(Id scan_id) {
         "           WHERE own.scan_id = ?1)) ORDER BY p.id",
         scan_id);
     if (heirs.executeStep()) {
-      throw core::UsageError(folder().string() + ": scan '" + removed.name +
-                             "' cannot be removed: " + heirs.getColumn(0).getString() + " '" +
-                             heirs.getColumn(1).getString() + "' (product " +
+      throw core::UsageError(folder().string() + ": scan '" + removed.name + "' cannot be removed: " +
+                             heirs.getColumn(0).getString() + " '" + heirs.getColumn(1).getString() + "' (product " +
                              std::to_string(heirs.getColumn(2).getInt64()) + ") was made from it");
     }
     impl_->change("DELETE FROM scans WHERE id = ?", scan_id);

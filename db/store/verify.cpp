@@ -19,8 +19,7 @@ namespace {
 
 std::string step_text(const Scan& scan, const Step& step, const std::string& camera) {
   return "scan '" + scan.name + "', step " + std::to_string(step.step_index) +
-         (step.light_index ? " (light " + std::to_string(*step.light_index) + ")" : "") + ", camera '" +
-         camera + "'";
+         (step.light_index ? " (light " + std::to_string(*step.light_index) + ")" : "") + ", camera '" + camera + "'";
 }
 
 std::string counted(std::size_t count, const std::string& singular, const std::string& plural) {
@@ -97,8 +96,7 @@ class Verification {
   }
 
   void collect_lit_frames(const Scan& scan) {
-    if (scan.kind != ScanKind::kOlat && scan.kind != ScanKind::kImported && scan.kind != ScanKind::kVirtual)
-      return;
+    if (scan.kind != ScanKind::kOlat && scan.kind != ScanKind::kImported && scan.kind != ScanKind::kVirtual) return;
     const auto calibration = store_.newest_calibration(scan.stage_key);
     if (!calibration) return;
     std::map<int, core::Light> lights;
@@ -109,8 +107,7 @@ class Verification {
       LitFrames lit;
       lit.place = "scan '" + scan.name + "', camera '" + camera + "'";
       std::map<int, ContentHash> object_of_step;
-      for (const Frame& frame : store_.frames(scan.id, camera))
-        object_of_step[frame.step_index] = frame.object;
+      for (const Frame& frame : store_.frames(scan.id, camera)) object_of_step[frame.step_index] = frame.object;
       std::set<int> seen;  // of several exposures the first says enough
       for (const Step& step : scan.steps) {
         const auto object = object_of_step.find(step.step_index);
@@ -180,8 +177,7 @@ class Verification {
                               " to no frame or product (left by a crash or a removed scan; harmless)");
     }
     for (const auto& stranger : listing.strangers) {
-      report_.notes.push_back(stranger.string() +
-                              ": is no object (an interrupted write leaves such files; harmless)");
+      report_.notes.push_back(stranger.string() + ": is no object (an interrupted write leaves such files; harmless)");
     }
   }
 
@@ -215,8 +211,7 @@ class Verification {
       if (!thumbnails_.at(hash).empty()) dark_views.push_back(thumbnails_.at(hash));
     }
     if (!dark_views.empty()) {
-      dark = core::weighted_sum(dark_views,
-                                std::vector<double>(dark_views.size(), 1.0 / double(dark_views.size())));
+      dark = core::weighted_sum(dark_views, std::vector<double>(dark_views.size(), 1.0 / double(dark_views.size())));
     }
     std::vector<core::Direction> directions;
     std::vector<core::Image> thumbnails;
@@ -228,7 +223,12 @@ class Verification {
       thumbnails.push_back(std::move(thumbnail));
       steps.push_back(frames.steps[i]);
     }
-    const core::Image mask = frames.mask ? core::to_luminance(thumbnails_.at(*frames.mask)) : core::Image();
+    core::Image mask;
+    if (frames.mask && !thumbnails_.at(*frames.mask).empty()) mask = core::to_luminance(thumbnails_.at(*frames.mask));
+    if (!mask.empty() && !thumbnails.empty() && mask.size() != thumbnails.front().size()) {
+      report_.errors.push_back(frames.place + ": the mask is not of the size of the frames");
+      mask = core::Image();
+    }
     const auto label = [](const Step& step) {
       return "step " + std::to_string(step.step_index) + " (light " + std::to_string(*step.light_index) + ")";
     };
@@ -236,9 +236,8 @@ class Verification {
       const std::string other = label(*steps[found.resembles]);
       report_.errors.push_back(
           frames.place + ", " + label(*steps[found.index]) +
-          (found.swapped
-               ? ": the frame seems swapped with that of " + other
-               : ": the frame does not fit those of the lights around; it resembles those around " + other));
+          (found.swapped ? ": the frame seems swapped with that of " + other
+                         : ": the frame does not fit those of the lights around; it resembles those around " + other));
     }
   }
 

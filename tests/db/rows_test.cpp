@@ -29,12 +29,11 @@ TEST_CASE_METHOD(Fixture, "a scan comes back as it was added") {
   added.stage_key = "stage ω";
   added.provenance = R"({"sequence": {"lights": 3}, "text": "it's \"quoted\""})";
   added.cameras = {"z-left", "a-right"};
-  added.steps = {
-      {.step_index = 0, .kind = db::StepKind::kDark, .exposure_ns = 5},
-      {.step_index = 1, .kind = db::StepKind::kTracking, .exposure_ns = 6},
-      {.step_index = 2, .kind = db::StepKind::kFullOn, .exposure_ns = 7},
-      {.step_index = 3, .kind = db::StepKind::kLight, .light_index = 41, .exposure_ns = 1'000'000'000'000},
-      {.step_index = 9, .kind = db::StepKind::kPattern, .exposure_ns = 8, .pattern = "[[0,1,0.5,0]]"}};
+  added.steps = {{.step_index = 0, .kind = db::StepKind::kDark, .exposure_ns = 5},
+                 {.step_index = 1, .kind = db::StepKind::kTracking, .exposure_ns = 6},
+                 {.step_index = 2, .kind = db::StepKind::kFullOn, .exposure_ns = 7},
+                 {.step_index = 3, .kind = db::StepKind::kLight, .light_index = 41, .exposure_ns = 1'000'000'000'000},
+                 {.step_index = 9, .kind = db::StepKind::kPattern, .exposure_ns = 8, .pattern = "[[0,1,0.5,0]]"}};
   const db::Id id = store.add_scan(added);
   CHECK(id > 0);
   for (const db::Scan& scan : {store.scan(id), store.scan(added.name), store.find_scan(added.name).value()}) {
@@ -60,8 +59,8 @@ TEST_CASE_METHOD(Fixture, "a scan comes back as it was added") {
 
 TEST_CASE_METHOD(Fixture, "every kind of scan is kept") {
   using db::ScanKind;
-  for (const ScanKind kind : {ScanKind::kOlat, ScanKind::kMirrorBall, ScanKind::kGreyBall,
-                              ScanKind::kChessboard, ScanKind::kImported, ScanKind::kVirtual}) {
+  for (const ScanKind kind : {ScanKind::kOlat, ScanKind::kMirrorBall, ScanKind::kGreyBall, ScanKind::kChessboard,
+                              ScanKind::kImported, ScanKind::kVirtual}) {
     db::NewScan scan = test::olat_scan(std::string(to_string(kind)), 1);
     scan.kind = kind;
     CHECK(store.scan(store.add_scan(scan)).kind == kind);
@@ -82,21 +81,15 @@ TEST_CASE_METHOD(Fixture, "scans are refused by what is wrong with them") {
   for (const std::string bad : {"", ".hidden", "a/b", "a b", "ä", "a'b"}) {
     CHECK_THAT(refusal([&](auto& s) { s.name = bad; }), Contains("'" + bad + "' cannot name a scan"));
   }
-  CHECK_THAT(refusal([](auto& s) {
-               s.cameras = {"a", "a"};
-             }),
-             Equals("scan 'new': camera 'a' is listed twice"));
+  CHECK_THAT(refusal([](auto& s) { s.cameras = {"a", "a"}; }), Equals("scan 'new': camera 'a' is listed twice"));
   CHECK_THAT(refusal([](auto& s) { s.steps[1].step_index = 0; }), Equals("scan 'new', step 0: listed twice"));
   CHECK_THAT(refusal([](auto& s) { s.steps[1].step_index = -1; }), Contains("step -1: steps count from 0"));
   CHECK_THAT(refusal([](auto& s) { s.steps[1].light_index.reset(); }),
              Contains("step 1: a step has a light exactly if"));
-  CHECK_THAT(refusal([](auto& s) { s.steps[1].kind = db::StepKind::kDark; }),
-             Contains("step 1: a step has a light"));
+  CHECK_THAT(refusal([](auto& s) { s.steps[1].kind = db::StepKind::kDark; }), Contains("step 1: a step has a light"));
   CHECK_THAT(refusal([](auto& s) { s.steps[1].light_index = -4; }), Contains("step 1: lights count from 0"));
-  CHECK_THAT(refusal([](auto& s) { s.steps[1].exposure_ns = -1; }),
-             Contains("step 1: its exposure is negative"));
-  CHECK_THAT(refusal([](auto& s) { s.steps[1].pattern = "[]"; }),
-             Contains("step 1: only a step of kind 'pattern'"));
+  CHECK_THAT(refusal([](auto& s) { s.steps[1].exposure_ns = -1; }), Contains("step 1: its exposure is negative"));
+  CHECK_THAT(refusal([](auto& s) { s.steps[1].pattern = "[]"; }), Contains("step 1: only a step of kind 'pattern'"));
   CHECK_THAT(refusal([](auto& s) { s.provenance = "{"; }), Equals("scan 'new': its provenance is not JSON"));
 }
 
@@ -105,9 +98,9 @@ TEST_CASE_METHOD(Fixture, "an unknown scan is refused with the name that was mea
   store.add_scan(test::olat_scan("ball", 1));
   CHECK_THROWS_AS(store.scan("haed"), core::UsageError);
   CHECK_THAT(message_of([&] { store.scan("heat"); }),
-             Equals(place + "there is no scan 'heat'; did you mean 'head'?"));
+             Equals(place + "there is no scan 'heat' (did you mean 'head'?); `lightstage store ls` lists all"));
   CHECK_THAT(message_of([&] { store.scan("quite-different"); }),
-             Equals(place + "there is no scan 'quite-different'; `lightstage store ls` lists them"));
+             Equals(place + "there is no scan 'quite-different'; `lightstage store ls` lists all"));
   CHECK_THAT(message_of([&] { store.scan(db::Id(99)); }), Equals(place + "there is no scan with id 99"));
 }
 
@@ -147,8 +140,7 @@ TEST_CASE_METHOD(Fixture, "frames come back in order of step, then camera as lis
 TEST_CASE_METHOD(Fixture, "a retake replaces the frame") {
   const db::Id id = store.add_scan(test::olat_scan("a", 2));
   store.put_frame({.scan_id = id, .camera = "main", .step_index = 1}, test::half_pattern(4, 5, 3, 1));
-  store.put_frame({.scan_id = id, .camera = "main", .step_index = 1, .attempt = 2},
-                  test::half_pattern(6, 5, 3, 2));
+  store.put_frame({.scan_id = id, .camera = "main", .step_index = 1, .attempt = 2}, test::half_pattern(6, 5, 3, 2));
   const auto frames = store.frames(id);
   REQUIRE(frames.size() == 1);
   CHECK(frames[0].attempt == 2);
@@ -173,20 +165,16 @@ TEST_CASE_METHOD(Fixture, "a frame that cannot be taken changes nothing") {
     image(2, 3, 1) = bad;
     const std::string message = refusal({.scan_id = id, .camera = "main", .step_index = 1}, image);
     CHECK_THAT(message, Contains("3") && Contains("2") && Contains(std::isnan(bad) ? "nan" : "inf"));
-    CHECK_THROWS_AS(store.put_frame({.scan_id = id, .camera = "main", .step_index = 1}, image),
-                    core::BadInput);
+    CHECK_THROWS_AS(store.put_frame({.scan_id = id, .camera = "main", .step_index = 1}, image), core::BadInput);
   }
-  CHECK_THAT(
-      refusal({.scan_id = id, .camera = "main", .step_index = 1}, test::half_pattern(4, 6, 3, 2)),
-      Equals(frame + "the image is 6x4 with 3 channels, the camera's other frames are 5x4 with 3 channels"));
-  CHECK_THAT(refusal({.scan_id = id, .camera = "main", .step_index = 7}, sound),
-             Contains("the scan has no such step"));
+  CHECK_THAT(refusal({.scan_id = id, .camera = "main", .step_index = 1}, test::half_pattern(4, 6, 3, 2)),
+             Equals(frame + "the image is 6x4 with 3 channels, the camera's other frames are 5x4 with 3 channels"));
+  CHECK_THAT(refusal({.scan_id = id, .camera = "main", .step_index = 7}, sound), Contains("the scan has no such step"));
   CHECK_THAT(refusal({.scan_id = id, .camera = "side", .step_index = 1}, sound),
              Contains("the scan has no such camera"));
   CHECK_THAT(refusal({.scan_id = id + 5, .camera = "main", .step_index = 1}, sound),
              Contains("there is no scan with id"));
-  CHECK_THAT(refusal({.scan_id = id, .camera = "main", .step_index = 1, .attempt = 0}, sound),
-             Contains("attempts"));
+  CHECK_THAT(refusal({.scan_id = id, .camera = "main", .step_index = 1, .attempt = 0}, sound), Contains("attempts"));
   CHECK_THAT(refusal({.scan_id = id, .camera = "main", .step_index = 1, .saturation = std::nan("")}, sound),
              Contains("saturation"));
 }
@@ -362,8 +350,7 @@ TEST_CASE_METHOD(Fixture, "a calibration comes back light by light and the newes
   CHECK(store.products("calibration").size() == 2);
 }
 
-TEST_CASE_METHOD(Fixture,
-                 "removing a scan takes its own rows along, and is refused when others were made from it") {
+TEST_CASE_METHOD(Fixture, "removing a scan takes its own rows along, and is refused when others were made from it") {
   const db::Id a = store.add_scan(test::olat_scan("a", 1)), b = store.add_scan(test::olat_scan("b", 1));
   for (const db::Id id : {a, b}) {
     store.put_frame({.scan_id = id, .camera = "main", .step_index = 0}, test::half_pattern(4, 4, 3, int(id)));

@@ -18,8 +18,7 @@ core::Image lit_ball(const core::Direction& light, int height, int width, int ch
       const double r2 = u * u + v * v;
       if (r2 >= 1) continue;
       const core::Vec3 bumps{0.15 * std::sin(7 * u + v), 0.15 * std::cos(5 * v - 2 * u), 0};
-      const core::Direction normal =
-          core::Direction::from_vector(core::Vec3{u, v, std::sqrt(1 - r2)} + bumps);
+      const core::Direction normal = core::Direction::from_vector(core::Vec3{u, v, std::sqrt(1 - r2)} + bumps);
       const double albedo = std::hypot(u - 0.3, v + 0.2) < 0.25 ? 0.2 : 0.7;
       const double shade = albedo * std::max(0.0, core::dot(normal.vec(), light.vec())) + 0.01;
       for (int c = 0; c < channels; ++c) image(y, x, c) = float(shade * (1 - 0.1 * c));
@@ -49,10 +48,8 @@ db::NewScan olat_scan(const std::string& name, std::size_t lights) {
   scan.stage_key = "stage";
   scan.cameras = {"main"};
   for (std::size_t i = 0; i < lights; ++i) {
-    scan.steps.push_back({.step_index = int(i),
-                          .kind = db::StepKind::kLight,
-                          .light_index = int(i),
-                          .exposure_ns = 20'000'000});
+    scan.steps.push_back(
+        {.step_index = int(i), .kind = db::StepKind::kLight, .light_index = int(i), .exposure_ns = 20'000'000});
   }
   return scan;
 }
@@ -60,8 +57,7 @@ db::NewScan olat_scan(const std::string& name, std::size_t lights) {
 std::map<std::string, std::string> snapshot(const fs::path& folder) {
   std::map<std::string, std::string> files;
   for (const auto& entry : fs::recursive_directory_iterator(folder)) {
-    files[fs::relative(entry.path(), folder).string()] =
-        entry.is_regular_file() ? read_text(entry.path()) : "";
+    files[fs::relative(entry.path(), folder).string()] = entry.is_regular_file() ? read_text(entry.path()) : "";
   }
   return files;
 }

@@ -58,10 +58,9 @@ TEST_CASE("a missing store is refused with the way to make one, and not made") {
   const test::TemporaryFolder folder;
   const std::string path = (folder / "nowhere").string();
   CHECK_THROWS_AS(db::Store::open(path), core::StoreError);
-  CHECK_THAT(
-      message_of([&] { db::Store::open(path); }),
-      Equals(path + ": there is no store here (no store.sqlite); make one with `lightstage init --store " +
-             path + "`"));
+  CHECK_THAT(message_of([&] { db::Store::open(path); }),
+             Equals(path + ": there is no store here (no store.sqlite); make one with `lightstage init --store " +
+                    path + "`"));
   CHECK_FALSE(fs::exists(path));
 }
 
@@ -115,10 +114,10 @@ TEST_CASE("a store of a newer version is refused and not touched") {
   CHECK(fs::exists(path / "store.sqlite-wal") == in_log);
   const auto before = test::snapshot(path);
   CHECK_THROWS_AS(db::Store::open(path), core::StoreError);
-  CHECK_THAT(message_of([&] { db::Store::open(path); }),
-             Equals(path.string() +
-                    ": this store has schema version 99, this program knows version 1; it was not touched. "
-                    "Use the newer lightstage that made it"));
+  CHECK_THAT(
+      message_of([&] { db::Store::open(path); }),
+      Equals(path.string() + ": this store has schema version 99, this program knows version 1; it was not touched. "
+                             "Use the newer lightstage that made it"));
   CHECK(test::snapshot(path) == before);
 }
 
@@ -189,8 +188,9 @@ TEST_CASE("threads with a connection each write at the same time") {
   for (int t = 0; t < kThreads; ++t) {
     threads.emplace_back([&, t] {
       failures[std::size_t(t)] = message_of([&] {
-        db::Store store = db::Store::open(folder / "store");
         for (int i = 0; i < kFrames; ++i) {
+          // Opening again and again, also while others write and close.
+          db::Store store = db::Store::open(folder / "store");
           const int step = i * kThreads + t;
           // Every other image is the same one, so that threads meet at one object.
           store.put_frame({.scan_id = id, .camera = "main", .step_index = step},

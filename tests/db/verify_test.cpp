@@ -2,6 +2,7 @@
 #include <signal.h>
 #include <spawn.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <catch2/catch.hpp>
@@ -24,32 +25,81 @@ namespace fs = std::filesystem;
 
 namespace {
 
+const std::vector<core::Direction>& stage_lights() {
+  static const std::vector<core::Direction> lights = test::front_lights(40);
+  return lights;
+}
+
 // A calibrated scan of 40 lights, sound in every way.
+void fill(const fs::path& folder) {
+  db::Store store = db::Store::create(folder);
+  const db::Id scan_id = store.add_scan(test::olat_scan("head", 40));
+  std::vector<db::CalibratedLight> calibrated;
+  for (std::size_t i = 0; i < stage_lights().size(); ++i) {
+    store.put_frame({.scan_id = scan_id, .camera = "main", .step_index = int(i)},
+                    test::lit_ball(stage_lights()[i], 40, 48));
+    db::CalibratedLight entry;
+    entry.light_index = int(i);
+    entry.light.direction = stage_lights()[i];
+    calibrated.push_back(entry);
+  }
+  db::NewProduct product;
+  product.kind = "calibration";
+  product.stage_key = "stage";
+  store.add_calibration(product, calibrated);
+}
+
+// A copy of it for each test: copying does not wait for the disk, filling does.
+fs::path fresh_copy(const fs::path& folder) {
+  static const test::TemporaryFolder original;
+  if (!fs::exists(original / "store")) fill(original / "store");
+  fs::copy(original / "store", folder, fs::copy_options::recursive);
+  return folder;
+}
+
 struct Fixture {
   test::TemporaryFolder folder;
-  db::Store store = db::Store::create(folder / "store");
-  std::vector<core::Direction> lights = test::front_lights(40);
-  db::Id scan_id = store.add_scan(test::olat_scan("head", 40));
+  db::Store store = db::Store::open(fresh_copy(folder / "store"));
+  std::vector<core::Direction> lights = stage_lights();
+  db::Id scan_id = store.scan("head").id;
 
-  Fixture() {
-    std::vector<db::CalibratedLight> calibrated;
-    for (std::size_t i = 0; i < lights.size(); ++i) {
-      put(i, lights[i]);
-      db::CalibratedLight entry;
-      entry.light_index = int(i);
-      entry.light.direction = lights[i];
-      calibrated.push_back(entry);
-    }
-    db::NewProduct product;
-    product.kind = "calibration";
-    product.stage_key = "stage";
-    store.add_calibration(product, calibrated);
-  }
   void put(std::size_t step, const core::Direction& light) {
-    store.put_frame({.scan_id = scan_id, .camera = "main", .step_index = int(step)},
-                    test::lit_ball(light, 40, 48));
+    store.put_frame({.scan_id = scan_id, .camera = "main", .step_index = int(step)}, test::lit_ball(light, 40, 48));
   }
   fs::path object_of(std::size_t step) const { return store.object_path(store.frames(scan_id)[step].object); }
+};
+
+// This program again, running one hidden test case in the folder, until it is killed.
+class Victim {
+ public:
+  Victim(std::string test_case, const fs::path& folder) {
+    std::string program = "/proc/self/exe", variable = "LIGHTSTAGE_TEST_VICTIM=" + folder.string();
+    std::array<char*, 3> arguments{program.data(), test_case.data(), nullptr};
+    std::array<char*, 2> environment{variable.data(), nullptr};
+    posix_spawn_file_actions_t quiet;
+    posix_spawn_file_actions_init(&quiet);
+    posix_spawn_file_actions_addopen(&quiet, STDOUT_FILENO, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_addopen(&quiet, STDERR_FILENO, "/dev/null", O_WRONLY, 0);
+    if (posix_spawn(&process_, program.c_str(), &quiet, nullptr, arguments.data(), environment.data()) != 0)
+      process_ = -1;
+    posix_spawn_file_actions_destroy(&quiet);
+  }
+  ~Victim() { kill(); }
+  Victim(const Victim&) = delete;
+  Victim& operator=(const Victim&) = delete;
+
+  // Whether it was still alive.
+  bool kill() {
+    if (process_ <= 0) return false;
+    ::kill(process_, SIGKILL);
+    int status = 0;
+    const bool reaped = waitpid(process_, &status, 0) == process_;
+    process_ = -1;
+    return reaped && WIFSIGNALED(status);
+  }
+
+ private:
+  pid_t process_ = -1;
 };
 
 }  // namespace
@@ -71,12 +121,10 @@ TEST_CASE_METHOD(Fixture, "truncated, changed and missing objects are named with
   fs::remove(object_of(11));
   const auto errors = store.verify().errors;
   REQUIRE(errors.size() == 3);
-  const auto one_of = [&](const std::string& line) {
-    return std::count(errors.begin(), errors.end(), line) == 1;
-  };
+  const auto one_of = [&](const std::string& line) { return std::count(errors.begin(), errors.end(), line) == 1; };
   const auto line = [&](std::size_t step, const std::string& problem) {
-    return "scan 'head', step " + std::to_string(step) + ", camera 'main': object " +
-           frames[step].object.hex() + " " + problem;
+    return "scan 'head', step " + std::to_string(step) + ", camera 'main': object " + frames[step].object.hex() + " " +
+           problem;
   };
   CHECK(one_of(line(3, "is damaged: its bytes do not match its name")));
   CHECK(one_of(line(7, "is damaged: its bytes do not match its name")));
@@ -108,9 +156,7 @@ TEST_CASE_METHOD(Fixture, "two swapped frames are both named") {
     put(a, lights[b]);
     put(b, lights[a]);
     const auto errors = store.verify().errors;
-    const auto label = [](std::size_t i) {
-      return "step " + std::to_string(i) + " (light " + std::to_string(i) + ")";
-    };
+    const auto label = [](std::size_t i) { return "step " + std::to_string(i) + " (light " + std::to_string(i) + ")"; };
     REQUIRE(errors.size() == 2);
     CHECK(errors[0] ==
           "scan 'head', camera 'main', " + label(a) + ": the frame seems swapped with that of " + label(b));
@@ -126,8 +172,17 @@ TEST_CASE_METHOD(Fixture, "a frame taken under another light is named") {
   put(4, lights[37]);
   const auto errors = store.verify().errors;
   REQUIRE(errors.size() == 1);
-  CHECK_THAT(errors[0],
-             Contains("step 4 (light 4): the frame does not fit those of the lights around; it resembles"));
+  CHECK_THAT(errors[0], Contains("step 4 (light 4): the frame does not fit those of the lights around; it resembles"));
+}
+
+TEST_CASE_METHOD(Fixture, "a mask of another size than the frames is named") {
+  db::NewProduct product;
+  product.kind = "mask";
+  product.scan_id = scan_id;
+  product.images = {{"mask", 0, store.put_object(test::half_pattern(20, 20, 1, 0)), 0}};
+  store.add_product(product);
+  CHECK(store.verify().errors ==
+        std::vector<std::string>{"scan 'head', camera 'main': the mask is not of the size of the frames"});
 }
 
 TEST_CASE_METHOD(Fixture, "a mirror ball is not judged by its shading") {
@@ -170,8 +225,7 @@ TEST_CASE_METHOD(Fixture, "a catalogue with a foreign table or a dangling row is
     raw.exec("DELETE FROM cameras");
     const auto errors = store.verify().errors;
     REQUIRE_FALSE(errors.empty());
-    CHECK_THAT(errors[0],
-               Contains("a row of table frames") && Contains("refers to nothing in table cameras"));
+    CHECK_THAT(errors[0], Contains("a row of table frames") && Contains("refers to nothing in table cameras"));
   }
 }
 
@@ -197,39 +251,24 @@ TEST_CASE("killing an import leaves whole scans only") {
   }
   core::write_lp(folder / "set/a.lp", entries);
 
-  std::size_t scans_before = 0;
+  std::size_t whole_scans = 0;
   for (int round = 0; round < 4; ++round) {
-    const std::string variable = "LIGHTSTAGE_TEST_VICTIM=" + folder.path().string();
-    const std::string program = "/proc/self/exe", name = "import until killed";
-    std::array<char*, 3> arguments{const_cast<char*>(program.c_str()), const_cast<char*>(name.c_str()),
-                                   nullptr};
-    std::array<char*, 2> environment{const_cast<char*>(variable.c_str()), nullptr};
-    // Every run starts where names are free again.
-    {
-      db::Store store = db::Store::open(folder / "store");
-      for (const db::Scan& scan : store.scans()) store.remove_scan(scan.id);
-    }
-    pid_t child = 0;
-    posix_spawn_file_actions_t quiet;
-    posix_spawn_file_actions_init(&quiet);
-    posix_spawn_file_actions_addopen(&quiet, 1, "/dev/null", O_WRONLY, 0);
-    posix_spawn_file_actions_addopen(&quiet, 2, "/dev/null", O_WRONLY, 0);
-    REQUIRE(posix_spawn(&child, program.c_str(), &quiet, nullptr, arguments.data(), environment.data()) == 0);
-    posix_spawn_file_actions_destroy(&quiet);
-    std::this_thread::sleep_for(std::chrono::milliseconds(150 + 53 * round));
-    kill(child, SIGKILL);
-    int status = 0;
-    REQUIRE(waitpid(child, &status, 0) == child);
-    REQUIRE(WIFSIGNALED(status));
-
     db::Store store = db::Store::open(folder / "store");
-    scans_before += store.scans().size();
+    for (const db::Scan& scan : store.scans()) store.remove_scan(scan.id);  // names are free again
+    Victim victim("import until killed", folder.path());
+    // The first is killed in the middle of its first import, the others a while after that.
+    const auto started = [&] { return round == 0 ? !fs::is_empty(folder / "store/objects") : !store.scans().empty(); };
+    for (int waited = 0; !started() && waited < 20'000; ++waited)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    std::this_thread::sleep_for(std::chrono::milliseconds(17 * round));
+    CHECK(victim.kill());
+
+    whole_scans += store.scans().size();
     for (const db::Scan& scan : store.scans()) {
       CHECK(store.frames(scan.id).size() == 12);
       CHECK(store.newest_calibration(scan.stage_key));
     }
     CHECK(store.verify().errors == std::vector<std::string>());
   }
-  INFO("the victim never came to importing");
-  CHECK(scans_before > 0);
+  CHECK(whole_scans >= 3);
 }
