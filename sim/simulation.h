@@ -20,7 +20,7 @@ struct SubjectSpec {
   std::uint64_t seed = 1;  // shape, albedo and gloss of the procedural head; gloss of a mesh
   std::string mesh_path;   // absolute; for kMesh
   std::string mesh_hash;   // of the file's bytes, hexadecimal; checked when truth is rendered again
-  double size_m = 0;       // radius of a ball, height of anything else; 0: what suits the kind
+  double size_m = 0;       // radius of a ball, height of anything else (of a chessboard's squares); 0: what suits the kind
   double albedo = 0.5;     // of the grey ball
   double yaw_degrees = 0;  // turned about y before it is placed at stage centre
 };
@@ -57,11 +57,11 @@ struct Simulation {
   SensorSpec sensor;
   FaultSpec faults;
   bool indirect_bounce = false;  // one bounce of diffuse light
-  int pixel_samples = 4;         // samples a pixel and side are sqrt of this: 4 is a 2x2 grid
+  int pixel_samples = 4;         // rays a pixel, a square number from 1 to 256: 4 is a 2x2 grid
   std::uint64_t seed = 1;        // noise, motion, jitter, faults
 };
 
-// JSON, complete and stable. Reading throws BadInput naming the key.
+// JSON, complete and stable. Reading throws BadInput naming the key that is missing, of the wrong type, or not known.
 std::string to_json(const Simulation& simulation);
 Simulation simulation_from_json(std::string_view json);
 

@@ -13,7 +13,7 @@ namespace {
 // Every field away from its default, and numbers that need all their digits.
 sim::Simulation unusual() {
   sim::Simulation s;
-  s.stage.name = "tower \"7\"";
+  s.stage.name = "tower-7_b.2";
   s.stage.radius_m = 1.0 / 3;
   s.stage.light_positions = {{0.1, -1.5, 2.0 / 3}, {1e-300, 1, 0}};
   s.stage.cameras.push_back({"front", core::look_at({0.1, 0.2, 1.9}, {0, 0, 0}, 31, 17, 9.1), 0.7});

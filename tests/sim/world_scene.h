@@ -16,11 +16,12 @@ namespace lightstage::test {
 
 inline constexpr double kCameraDistance = 1.9;
 
-// A stage of `lights` Fibonacci lights at 1.5 m, true to its drawing, and one camera on +z that sees 0.3 m across.
+// A stage of `lights` Fibonacci lights (possibly none) at 1.5 m, true to its drawing, and one camera on +z that sees 0.3 m across.
 inline sim::Simulation still_simulation(sim::SubjectKind kind, std::size_t lights, int pixels) {
   sim::Simulation simulation;
   simulation.stage.name = "test";
-  for (const core::Direction& direction : core::fibonacci_directions(lights)) {
+  for (const core::Direction& direction :
+       lights > 0 ? core::fibonacci_directions(lights) : std::vector<core::Direction>()) {
     simulation.stage.light_positions.push_back(direction.vec() * simulation.stage.radius_m);
   }
   const core::CameraModel camera = core::look_at({0, 0, kCameraDistance}, {0, 0, 0}, pixels, pixels, 9.0);
