@@ -11,6 +11,27 @@
 
 namespace lightstage::model {
 
+namespace {
+
+class Rbf : public WeightedImages {
+ public:
+  Rbf(const core::OlatScan& scan, Domain domain, std::shared_ptr<const ThinPlateWeights> weights)
+      : WeightedImages("rbf", scan, domain, [weights](const core::Direction& query) { return (*weights)(query); }),
+        domain_(domain),
+        weights_(weights) {
+    prepare();
+  }
+  std::vector<core::Vec3> captured_colours(std::span<const DistantLight> lights) const override {
+    return domain_ == Domain::kLinear ? weights_->sum(lights) : std::vector<core::Vec3>();
+  }
+
+ private:
+  Domain domain_;
+  std::shared_ptr<const ThinPlateWeights> weights_;
+};
+
+}  // namespace
+
 std::unique_ptr<LightInterpolator> make_nearest(const core::OlatScan& scan) {
   auto weights = [lights = scan.directions()](const core::Direction& query) {
     std::vector<double> result(lights.size(), 0.0);
@@ -20,10 +41,9 @@ std::unique_ptr<LightInterpolator> make_nearest(const core::OlatScan& scan) {
   return std::make_unique<WeightedImages>("nearest", scan, Domain::kLinear, std::move(weights));
 }
 
-std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan, int neighbours,
-                                                     double sharpness, Domain domain) {
-  if (neighbours < 1)
-    throw core::UsageError("linear blends at least 1 neighbour, not " + std::to_string(neighbours));
+std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan, int neighbours, double sharpness,
+                                                     Domain domain) {
+  if (neighbours < 1) throw core::UsageError("linear blends at least 1 neighbour, not " + std::to_string(neighbours));
   auto weights = [lights = scan.directions(), neighbours, sharpness](const core::Direction& query) {
     const std::vector<std::size_t> active = core::nearest_indices(lights, query, std::size_t(neighbours));
     std::vector<core::Direction> active_lights;
@@ -37,9 +57,7 @@ std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan,
 }
 
 std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain) {
-  auto method = std::make_unique<WeightedImages>("rbf", scan, domain, ThinPlateWeights(scan.directions()));
-  method->prepare();
-  return method;
+  return std::make_unique<Rbf>(scan, domain, std::make_shared<const ThinPlateWeights>(scan.directions()));
 }
 
 }  // namespace lightstage::model

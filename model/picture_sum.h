@@ -35,8 +35,8 @@ class PictureSum {
   core::Image result() const;
 
  private:
-  struct Term;
-  void add(std::span<const Term> terms);
+  struct Terms;
+  void add(const Terms& terms);
   template <class Weight>
   void add_scan(const core::OlatScan& scan, std::span<const Weight> weights);
 

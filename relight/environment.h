@@ -11,16 +11,11 @@
 
 #include "core/direction.h"
 #include "core/image.h"
-#include "core/vec3.h"
+#include "model/interpolator.h"
 
 namespace lightstage::relight {
 
-// Light from far away: from `direction`, with `irradiance` on a surface that faces it, linear RGB in units of
-// pi as core::Light::gain (radiance x solid angle / pi).
-struct DistantLight {
-  core::Direction direction;
-  core::Vec3 irradiance;
-};
+using model::DistantLight;
 
 class Environment {
  public:

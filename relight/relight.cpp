@@ -9,7 +9,6 @@
 
 #include "core/error.h"
 #include "core/interrupt.h"
-#include "core/parallel.h"
 #include "core/sphere.h"
 #include "model/picture_sum.h"
 
@@ -27,32 +26,6 @@ void require_light(core::Vec3 irradiance) {
   for (const double v : {irradiance.x, irradiance.y, irradiance.z})
     if (!std::isfinite(v) || v < 0)
       throw core::BadInput("a light's irradiance must be finite and not negative, not " + std::to_string(v));
-}
-
-bool has_linear_weights(const model::LightInterpolator& interpolator) {
-  return !interpolator.linear_weights(core::Direction()).empty();
-}
-
-// What each captured light must shine so that together they are these lights: sum_q irradiance_q w_i(q).
-std::vector<core::Vec3> captured_colours(const model::LightInterpolator& interpolator,
-                                         std::span<const DistantLight> lights) {
-  // Parts that do not depend on the thread count, summed apart and then together in order.
-  constexpr std::size_t kParts = 64;
-  const std::size_t count = interpolator.scan().light_count();
-  const std::size_t part = lights.size() / kParts + 1;
-  std::vector<std::vector<core::Vec3>> parts(lights.size() / part + 1);
-  core::parallel_for(lights.size(), part, [&](std::size_t first, std::size_t last) {
-    std::vector<core::Vec3> colours(count);
-    for (std::size_t q = first; q < last; ++q) {
-      const std::vector<double> weights = interpolator.linear_weights(lights[q].direction);
-      for (std::size_t i = 0; i < count; ++i) colours[i] = colours[i] + weights[i] * lights[q].irradiance;
-    }
-    parts[first / part] = std::move(colours);
-  });
-  std::vector<core::Vec3> total(count);
-  for (const std::vector<core::Vec3>& colours : parts)
-    for (std::size_t i = 0; i < colours.size(); ++i) total[i] = total[i] + colours[i];
-  return total;
 }
 
 // Evenly placed on the cap: the k-th of n has 1 - cos(angle to the axis) = (k + 1/2)/n of the cap's, and
@@ -84,8 +57,9 @@ RelightReport relight_lights(const model::LightInterpolator& interpolator, std::
   const core::ImageSize size = interpolator.scan().image_size();
   model::PictureSum sum({size.height, size.width, 3});
   RelightReport report;
-  if (has_linear_weights(interpolator)) {
-    sum.add(interpolator.scan(), captured_colours(interpolator, lights));
+  const std::vector<core::Vec3> colours = interpolator.captured_colours(lights);
+  if (!colours.empty()) {
+    sum.add(interpolator.scan(), colours);
   } else {
     for (const DistantLight& light : lights) {
       if (light.irradiance == core::Vec3{}) continue;
@@ -128,8 +102,9 @@ RelightReport relight_environment(const model::LightInterpolator& interpolator, 
   // (that of the alias-free weights at their default sharpness) that is at most 0.3 % of one box's light, and
   // less over the map, where signs alternate.
   constexpr double kBoxesPerSpacing = 8;
+  const bool has_linear_weights = !interpolator.linear_weights(core::Direction()).empty();
   const std::vector<DistantLight> lights =
-      has_linear_weights(interpolator)
+      has_linear_weights
           ? environment.lights(core::median_spacing_radians(interpolator.scan().directions()) / kBoxesPerSpacing)
           : environment.gather(core::fibonacci_directions(virtual_lights));
   RelightReport report = relight_lights(interpolator, lights);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "model/classical/ordered_sum.h"
 
 namespace lightstage::model {
 
@@ -90,28 +91,45 @@ void ThinPlateWeights::invert() {
   cv::Mat inverse;
   // The pseudo-inverse serves where elimination meets a pivot lost in rounding.
   if (cv::invert(system, inverse, cv::DECOMP_LU) == 0) cv::invert(system, inverse, cv::DECOMP_SVD);
-  inverse_.assign(inverse.ptr<double>(0), inverse.ptr<double>(0) + std::ptrdiff_t(n) * size);
+  inverse_.reserve(std::size_t(n) * std::size_t(size));
+  // M is symmetric, and so is its inverse: a row, cut to the points, is a column of the part that gives w.
+  for (int j = 0; j < size; ++j) inverse_.insert(inverse_.end(), inverse.ptr<double>(j), inverse.ptr<double>(j) + n);
+}
+
+template <class Value>
+std::vector<Value> ThinPlateWeights::solve(const std::vector<Value>& b) const {
+  // Column by column, which the compiler can put into vector registers, as a sum along rows it may not.
+  std::vector<Value> at_points(points_.size());
+  const double* column = inverse_.data();
+  for (std::size_t j = 0; j < b.size(); ++j, column += points_.size())
+    for (std::size_t i = 0; i < points_.size(); ++i) at_points[i] = at_points[i] + column[i] * b[j];
+  return at_points;
+}
+
+template <class Value>
+std::vector<Value> ThinPlateWeights::per_light(const std::vector<Value>& per_point) const {
+  std::vector<Value> result;
+  result.reserve(point_of_light_.size());
+  for (const std::size_t point : point_of_light_) result.push_back(per_point[point] / double(lights_at_point_[point]));
+  return result;
 }
 
 std::vector<double> ThinPlateWeights::operator()(const core::Direction& query) const {
-  const std::size_t n = points_.size();
-  std::vector<double> at_points(n, 0.0);
   const auto same = std::find_if(points_.begin(), points_.end(), [&](core::Vec3 point) {
     return squared_distance(point, query.vec()) < kOnALight * kOnALight;
   });
-  if (same != points_.end()) {
-    at_points[std::size_t(same - points_.begin())] = 1;
-  } else {
-    const std::vector<double> b = right_side(query.vec());
-    for (std::size_t i = 0; i < n; ++i)
-      at_points[i] =
-          std::inner_product(b.begin(), b.end(), inverse_.begin() + std::ptrdiff_t(i * b.size()), 0.0);
-  }
-  std::vector<double> weights;
-  weights.reserve(point_of_light_.size());
-  for (const std::size_t point : point_of_light_)
-    weights.push_back(at_points[point] / double(lights_at_point_[point]));
-  return weights;
+  if (same == points_.end()) return per_light(solve(right_side(query.vec())));
+  std::vector<double> one_hot(points_.size(), 0.0);
+  one_hot[std::size_t(same - points_.begin())] = 1;
+  return per_light(one_hot);
+}
+
+std::vector<core::Vec3> ThinPlateWeights::sum(std::span<const DistantLight> lights) const {
+  const std::size_t terms = points_.size() + 1 + axes_.size();
+  return per_light(solve(ordered_sum(lights.size(), terms, [&](std::size_t q, std::vector<core::Vec3>& total) {
+    const std::vector<double> b = right_side(lights[q].direction.vec());
+    for (std::size_t j = 0; j < terms; ++j) total[j] = total[j] + b[j] * lights[q].irradiance;
+  })));
 }
 
 }  // namespace lightstage::model

@@ -7,6 +7,7 @@
 
 #include "core/direction.h"
 #include "core/vec3.h"
+#include "model/interpolator.h"
 
 namespace lightstage::model {
 
@@ -31,17 +32,25 @@ class ThinPlateWeights {
   // One weight a light.
   std::vector<double> operator()(const core::Direction& query) const;
 
+  // sum_q irradiance_q w_i(q). Because w is linear in the right side, the right sides of all lights are summed first and M is applied
+  // once: O(n) a light. Equal to the sum of single queries to rounding.
+  std::vector<core::Vec3> sum(std::span<const DistantLight> lights) const;
+
  private:
   void choose_polynomial();
   void invert();
   std::vector<double> right_side(core::Vec3 query) const;
+  template <class Value>
+  std::vector<Value> solve(const std::vector<Value>& right_side) const;
+  template <class Value>
+  std::vector<Value> per_light(const std::vector<Value>& per_point) const;
 
   std::vector<core::Vec3> points_;  // distinct
   std::vector<std::size_t> point_of_light_;
   std::vector<std::size_t> lights_at_point_;
   core::Vec3 centre_;  // the polynomial is 1, axis_k . (q - centre)
   std::vector<core::Vec3> axes_;
-  std::vector<double> inverse_;  // the rows of M's inverse that give w, a row a point
+  std::vector<double> inverse_;  // of M, the part that gives w: a column a term of the right side
 };
 
 }  // namespace lightstage::model

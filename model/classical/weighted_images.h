@@ -20,14 +20,14 @@ class WeightedImages : public LightInterpolator {
   // counts as none), which is then decoded. Encoded copies are made when first needed and kept up to 4 GB.
   WeightedImages(std::string name, const core::OlatScan& scan, Domain domain, Weights weights);
 
-  // Makes the encoded copies now, where all of them can be kept: for methods that need every image for every
-  // query.
-  void prepare() const;
-
   std::string_view name() const override { return name_; }
   const core::OlatScan& scan() const override { return scan_; }
   core::Image render(const core::Direction& query) const override;
   std::vector<double> linear_weights(const core::Direction& query) const override;
+
+ protected:
+  // Makes the encoded copies now, where all of them can be kept: for methods that need every image for every query.
+  void prepare() const;
 
  private:
   std::string name_;

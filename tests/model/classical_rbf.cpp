@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/light_list.h"
+#include "core/parallel.h"
 #include "core/sphere.h"
 #include "model/classical.h"
 #include "model/synthetic_scan.h"
@@ -157,6 +158,33 @@ TEST_CASE("lights in the same place share their rbf weight equally") {
     for (std::size_t i = 0; i < 30; ++i) CHECK(b[i] == Approx(i == 7 ? a[i] / 3 : a[i]).margin(1e-12));
     CHECK(b[30] == b[7]);
     CHECK(b[31] == b[7]);
+  }
+}
+
+TEST_CASE("the rbf colours of many lights at once are the sum over them one by one, on every thread count") {
+  std::vector<Direction> lights = core::fibonacci_directions(80);
+  lights.push_back(lights[3]);
+  const auto rbf = rbf_over(lights);
+  for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 1000u}) {
+    std::vector<model::DistantLight> queries;
+    std::vector<Vec3> plain(lights.size());
+    for (const Direction& query : core::random_directions(count, 20)) {
+      queries.push_back({queries.size() == 5 ? lights[9] : query, {1, double(queries.size() % 7), 1e6 * query.x()}});
+      const std::vector<double> weights = rbf->linear_weights(queries.back().direction);
+      for (std::size_t i = 0; i < plain.size(); ++i) plain[i] = plain[i] + weights[i] * queries.back().irradiance;
+    }
+    const std::vector<Vec3> fast = rbf->captured_colours(queries);
+    REQUIRE(fast.size() == lights.size());
+    for (std::size_t i = 0; i < plain.size(); ++i) {
+      CHECK(fast[i].x == Approx(plain[i].x).margin(1e-8));
+      CHECK(fast[i].y == Approx(plain[i].y).margin(1e-8));
+      CHECK(fast[i].z == Approx(plain[i].z).margin(1e-3));
+    }
+    for (const int threads : {1, 2, 7}) {
+      core::set_thread_count(threads);
+      CHECK(rbf->captured_colours(queries) == fast);
+    }
+    core::set_thread_count(0);
   }
 }
 

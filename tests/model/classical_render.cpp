@@ -210,6 +210,17 @@ TEST_CASE("methods with linear weights render exactly the sum that their weights
       sum.add(scan, method->linear_weights(query));
       CHECK(method->render(query) == sum.result());
     }
+    // Two lights at once, one of them off in red.
+    const Direction a = Direction::from_vector({1, 2, 3}), b = Direction::from_vector({-1, 0.5, 1});
+    const auto colours =
+        method->captured_colours(std::vector<model::DistantLight>{{a, {1, 2, 3}}, {b, {0, 0.5, 0.25}}});
+    const auto weights_a = method->linear_weights(a), weights_b = method->linear_weights(b);
+    REQUIRE(colours.size() == weights_a.size());
+    for (std::size_t i = 0; i < colours.size(); ++i) {
+      CHECK(colours[i].x == Approx(weights_a[i]).margin(1e-9));
+      CHECK(colours[i].y == Approx(2 * weights_a[i] + 0.5 * weights_b[i]).margin(1e-9));
+      CHECK(colours[i].z == Approx(3 * weights_a[i] + 0.25 * weights_b[i]).margin(1e-9));
+    }
   }
 }
 
@@ -223,6 +234,7 @@ TEST_CASE("display-encoded methods decode the weighted sum of encoded pictures, 
   const auto linear_domain = model::make_rbf(scan, Domain::kLinear);
   const auto rbf = model::make_rbf(scan, Domain::kDisplay);
   CHECK(rbf->linear_weights(Direction()).empty());
+  CHECK(rbf->captured_colours({}).empty());
   const double exposure = scan.exposure();
   for (const Direction& query : core::random_directions(4, 6)) {
     const std::vector<double> weights = linear_domain->linear_weights(query);

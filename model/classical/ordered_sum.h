@@ -1,0 +1,31 @@
+// Sums over many things on many threads that come out the same for any number of them.
+#pragma once
+
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include "core/parallel.h"
+#include "core/vec3.h"
+
+namespace lightstage::model {
+
+// `length` colours, to which add(q, colours) has added its share for every q in [0, count). The q are taken in parts that depend on
+// `count` alone; each is summed in order by one thread, and then the parts in order.
+template <class Add>
+std::vector<core::Vec3> ordered_sum(std::size_t count, std::size_t length, const Add& add) {
+  constexpr std::size_t kParts = 64;
+  const std::size_t part = count / kParts + 1;
+  std::vector<std::vector<core::Vec3>> parts(count / part + 1);
+  core::parallel_for(count, part, [&](std::size_t first, std::size_t last) {
+    std::vector<core::Vec3> colours(length);
+    for (std::size_t q = first; q < last; ++q) add(q, colours);
+    parts[first / part] = std::move(colours);
+  });
+  std::vector<core::Vec3> total(length);
+  for (const std::vector<core::Vec3>& colours : parts)
+    for (std::size_t i = 0; i < colours.size(); ++i) total[i] = total[i] + colours[i];
+  return total;
+}
+
+}  // namespace lightstage::model
