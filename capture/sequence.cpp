@@ -15,8 +15,7 @@ bool good_exposure(core::Nanoseconds exposure) {
   return exposure > 0 && exposure <= kLongestExposure;
 }
 
-void append(Sequence& sequence, db::StepKind kind, core::Nanoseconds exposure,
-            std::optional<int> light = {}) {
+void append(Sequence& sequence, db::StepKind kind, core::Nanoseconds exposure, std::optional<int> light = {}) {
   db::Step step;
   step.step_index = static_cast<int>(sequence.steps.size());
   step.kind = kind;
@@ -31,8 +30,8 @@ void append(Sequence& sequence, db::StepKind kind, core::Nanoseconds exposure,
 
 void check_light(const db::Step& step, std::int64_t light, std::size_t light_count) {
   if (light < 0 || light >= static_cast<std::int64_t>(light_count)) {
-    fail(step, "light " + std::to_string(light) + " is not one of the stage's " +
-                   std::to_string(light_count) + " (counted from 0)");
+    fail(step, "light " + std::to_string(light) + " is not one of the stage's " + std::to_string(light_count) +
+                   " (counted from 0)");
   }
 }
 
@@ -55,8 +54,7 @@ std::vector<LightLevel> pattern_levels(const db::Step& step, std::size_t light_c
     const auto light = entry[0].get<std::int64_t>();
     check_light(step, light, light_count);
     if (!seen.insert(light).second) fail(step, "its pattern lists light " + std::to_string(light) + " twice");
-    result.push_back(
-        {static_cast<int>(light), level(step, entry[1]), level(step, entry[2]), level(step, entry[3])});
+    result.push_back({static_cast<int>(light), level(step, entry[1]), level(step, entry[2]), level(step, entry[3])});
   }
   return result;
 }
@@ -70,8 +68,7 @@ core::Nanoseconds default_full_on_exposure(core::Nanoseconds exposure, std::size
 
 Sequence make_olat_sequence(const OlatOptions& options) {
   if (options.light_count == 0) throw core::UsageError("a sequence needs at least one light");
-  if (options.tracking_every < 0)
-    throw core::UsageError("tracking frames: every n-th light, n must not be negative");
+  if (options.tracking_every < 0) throw core::UsageError("tracking frames: every n-th light, n must not be negative");
   if (options.dark_frames < 0) throw core::UsageError("the number of dark frames must not be negative");
   if (!good_exposure(options.exposure) || !good_exposure(options.full_on_exposure.value_or(1))) {
     throw core::UsageError("exposures must be above 0 and at most one hour");
@@ -117,15 +114,13 @@ std::string pattern_of(std::span<const LightLevel> levels) {
   nlohmann::json pattern = nlohmann::json::array();
   for (const LightLevel& l : levels) {
     // Every float is a double, so nothing is lost in the decimal text.
-    pattern.push_back(
-        {l.light_index, static_cast<double>(l.r), static_cast<double>(l.g), static_cast<double>(l.b)});
+    pattern.push_back({l.light_index, static_cast<double>(l.r), static_cast<double>(l.g), static_cast<double>(l.b)});
   }
   return pattern.dump();
 }
 
 bool same_shot(const db::Step& a, const db::Step& b) {
-  return a.kind == b.kind && a.light_index == b.light_index && a.exposure_ns == b.exposure_ns &&
-         a.pattern == b.pattern;
+  return a.kind == b.kind && a.light_index == b.light_index && a.exposure_ns == b.exposure_ns && a.pattern == b.pattern;
 }
 
 int key_step(const std::vector<db::Step>& steps) {
@@ -138,8 +133,8 @@ int key_step(const std::vector<db::Step>& steps) {
     if (tracking && (key < 0 || off_middle(i) < off_middle(key))) key = i;
   }
   if (key < 0) {
-    const auto full_on = std::find_if(steps.begin(), steps.end(),
-                                      [](const db::Step& s) { return s.kind == db::StepKind::kFullOn; });
+    const auto full_on =
+        std::find_if(steps.begin(), steps.end(), [](const db::Step& s) { return s.kind == db::StepKind::kFullOn; });
     if (full_on != steps.end()) key = static_cast<int>(full_on - steps.begin());
   }
   return key < 0 ? -1 : steps[static_cast<std::size_t>(key)].step_index;

@@ -43,8 +43,7 @@ void append_pattern(std::string& text, const db::Step& step) {
 
 int read_light(const core::TomlTable& table, std::string_view key, double light, std::size_t light_count) {
   if (light != std::floor(light) || light < 0 || light >= static_cast<double>(light_count)) {
-    table.fail(
-        key, "must be a light of the stage, which has " + std::to_string(light_count) + " (counted from 0)");
+    table.fail(key, "must be a light of the stage, which has " + std::to_string(light_count) + " (counted from 0)");
   }
   return static_cast<int>(light);
 }
@@ -54,14 +53,12 @@ std::string read_pattern(const core::TomlTable& table, std::size_t light_count) 
   for (const core::TomlTable& entry : table.tables("level")) {
     const int light = read_light(entry, "light", static_cast<double>(entry.integer("light")), light_count);
     const auto same_light = [light](const LightLevel& l) { return l.light_index == light; };
-    if (std::any_of(pattern.begin(), pattern.end(), same_light))
-      entry.fail("light", "is in this pattern already");
+    if (std::any_of(pattern.begin(), pattern.end(), same_light)) entry.fail("light", "is in this pattern already");
     const std::vector<double> rgb = entry.numbers("rgb", 3);
     if (std::any_of(rgb.begin(), rgb.end(), [](double v) { return v < 0 || v > 1; })) {
       entry.fail("rgb", "must hold levels from 0 to 1");
     }
-    pattern.push_back(
-        {light, static_cast<float>(rgb[0]), static_cast<float>(rgb[1]), static_cast<float>(rgb[2])});
+    pattern.push_back({light, static_cast<float>(rgb[0]), static_cast<float>(rgb[1]), static_cast<float>(rgb[2])});
   }
   return pattern_of(pattern);
 }
@@ -104,22 +101,19 @@ void read_steps(const core::TomlTable& table, std::size_t light_count, std::vect
   step.kind = read_kind(table);
   step.exposure_ns = read_exposure(table);
   if (step.kind == db::StepKind::kPattern) step.pattern = read_pattern(table, light_count);
-  const LightRange lights =
-      step.kind == db::StepKind::kLight ? read_lights(table, light_count) : LightRange{};
+  const LightRange lights = step.kind == db::StepKind::kLight ? read_lights(table, light_count) : LightRange{};
   for (int light = lights.first; light <= lights.last; ++light) {
     if (step.kind == db::StepKind::kLight) step.light_index = light;
     step.step_index = static_cast<int>(steps.size());
     steps.push_back(step);
-    if (steps.size() > kMaxSteps)
-      table.fail("kind", "starts more steps than a sequence may have (a million)");
+    if (steps.size() > kMaxSteps) table.fail("kind", "starts more steps than a sequence may have (a million)");
   }
 }
 
 Sequence read_table(const core::TomlTable& table, std::size_t light_count) {
   Sequence sequence;
   const double settle_ms = table.number("settle_ms", milliseconds(sequence.settle));
-  if (settle_ms < 0 || settle_ms > kLongestSettleMs)
-    table.fail("settle_ms", "must be 0 to 60000 (one minute)");
+  if (settle_ms < 0 || settle_ms > kLongestSettleMs) table.fail("settle_ms", "must be 0 to 60000 (one minute)");
   sequence.settle = nanoseconds(settle_ms);
   for (const core::TomlTable& entry : table.tables("step")) read_steps(entry, light_count, sequence.steps);
   table.finish();
@@ -147,8 +141,7 @@ std::string to_toml(const Sequence& sequence) {
     if (last == i) {
       text += "light = " + std::to_string(first) + "\n";
     } else {
-      text += "lights = [" + std::to_string(first) + ", " +
-              std::to_string(first + static_cast<int>(last - i)) + "]\n";
+      text += "lights = [" + std::to_string(first) + ", " + std::to_string(first + static_cast<int>(last - i)) + "]\n";
     }
     i = last;
   }

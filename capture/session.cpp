@@ -14,8 +14,7 @@ namespace {
 
 std::string describe(const db::Step& step) {
   const std::string light = step.light_index ? ", light " + std::to_string(*step.light_index) : "";
-  return "step " + std::to_string(step.step_index) + " (" + std::string(db::to_string(step.kind)) + light +
-         ")";
+  return "step " + std::to_string(step.step_index) + " (" + std::string(db::to_string(step.kind)) + light + ")";
 }
 
 std::string joined(const std::vector<std::string>& names) {
@@ -29,16 +28,14 @@ void check(const db::Scan& scan, const Sequence& sequence, const Rig& rig, const
     throw core::UsageError("cannot capture scan '" + scan.name + "': " + problem);
   };
   if (options.attempts < 1) fail("at least one attempt a frame is needed");
-  if (!std::equal(scan.steps.begin(), scan.steps.end(), sequence.steps.begin(), sequence.steps.end(),
-                  same_shot)) {
+  if (!std::equal(scan.steps.begin(), scan.steps.end(), sequence.steps.begin(), sequence.steps.end(), same_shot)) {
     fail("it was begun with another sequence; take that one, or another name");
   }
   std::vector<std::string> wanted = scan.cameras, present;
   for (const Camera* camera : rig.cameras) present.push_back(camera->name());
   std::sort(wanted.begin(), wanted.end());
   std::sort(present.begin(), present.end());
-  if (wanted != present)
-    fail("it was begun with the cameras " + joined(wanted) + ", the rig has " + joined(present));
+  if (wanted != present) fail("it was begun with the cameras " + joined(wanted) + ", the rig has " + joined(present));
   for (const db::Step& step : sequence.steps) {
     levels(step, rig.lights.light_count());  // throws for a light that the rig does not have
     if (step.exposure_ns <= 0) fail(describe(step) + " has no exposure");
@@ -130,9 +127,9 @@ class Session {
 
   void store_received(const db::Step& step, int attempt, core::Progress& progress) {
     for (const auto& [camera, frame] : received_) {
-      store_.put_frame({scan_.id, camera, step.step_index, frame.timestamp, frame.sequence_number, attempt,
-                        frame.saturation},
-                       frame.image);
+      store_.put_frame(
+          {scan_.id, camera, step.step_index, frame.timestamp, frame.sequence_number, attempt, frame.saturation},
+          frame.image);
       stored_.emplace(step.step_index, camera);
       ++report_.stored;
       if (attempt > 1) ++report_.retaken;

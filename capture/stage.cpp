@@ -30,16 +30,14 @@ void require(bool condition, const std::string& message) {
 
 void check_cameras_and_radius(const LayoutOptions& options) {
   require(options.radius_m >= 0.1 && options.radius_m <= 100, "the radius must be 0.1 to 100 m");
-  require(options.camera_pixels >= 8 && options.camera_pixels <= 16384,
-          "a camera needs 8 to 16384 pixels a side");
+  require(options.camera_pixels >= 8 && options.camera_pixels <= 16384, "a camera needs 8 to 16384 pixels a side");
   require(options.cameras >= 1 && options.cameras <= kMaxCameras,
           "1 to " + std::to_string(kMaxCameras) + " cameras can be placed");
 }
 
 void check(const LayoutOptions& options) {
   check_cameras_and_radius(options);
-  require(options.lights >= 1 && options.lights <= kMaxLights,
-          "1 to " + std::to_string(kMaxLights) + " lights");
+  require(options.lights >= 1 && options.lights <= kMaxLights, "1 to " + std::to_string(kMaxLights) + " lights");
   require(options.bottom_hole_degrees >= 0 && options.bottom_hole_degrees <= 150,
           "the bottom hole's half-angle must be 0 to 150 degrees");
   require(options.camera_hole_degrees >= 0 && options.camera_hole_degrees <= 45,
@@ -59,16 +57,14 @@ double camera_azimuth_degrees(int camera_index) {
 
 std::vector<StageCamera> place_cameras(const LayoutOptions& options) {
   const double distance = kCameraDistanceInRadii * options.radius_m;
-  const double field_of_view =
-      2 * core::degrees_from_radians(std::atan(kHeadHeightM / kHeadShare / 2 / distance));
+  const double field_of_view = 2 * core::degrees_from_radians(std::atan(kHeadHeightM / kHeadShare / 2 / distance));
   std::vector<StageCamera> cameras;
   for (int i = 0; i < options.cameras; ++i) {
     const double azimuth = core::radians_from_degrees(camera_azimuth_degrees(i));
     const core::Vec3 position = distance * core::Vec3{std::sin(azimuth), 0, std::cos(azimuth)};
-    StageCamera camera{
-        "cam" + std::to_string(i),
-        core::look_at(position, {0, 0, 0}, options.camera_pixels, options.camera_pixels, field_of_view),
-        kResponsivity};
+    StageCamera camera{"cam" + std::to_string(i),
+                       core::look_at(position, {0, 0, 0}, options.camera_pixels, options.camera_pixels, field_of_view),
+                       kResponsivity};
     camera.model.k1 = kRadialDistortion;
     cameras.push_back(std::move(camera));
   }
@@ -76,8 +72,7 @@ std::vector<StageCamera> place_cameras(const LayoutOptions& options) {
 }
 
 std::vector<core::Direction> outside_holes(const std::vector<core::Direction>& directions,
-                                           const std::vector<StageCamera>& cameras,
-                                           const LayoutOptions& options) {
+                                           const std::vector<StageCamera>& cameras, const LayoutOptions& options) {
   const core::Direction down = core::Direction::from_vector({0, -1, 0});
   const auto in_hole = [&](const core::Direction& d) {
     if (core::angle_radians(d, down) < core::radians_from_degrees(options.bottom_hole_degrees)) return true;
@@ -94,20 +89,17 @@ std::vector<core::Direction> outside_holes(const std::vector<core::Direction>& d
 // Rings from the top down. Heights that differ by rounding alone count as one ring.
 void sort_top_down(std::vector<core::Direction>& directions) {
   const auto ring = [](const core::Direction& d) { return std::llround(d.y() * 1e9); };
-  std::stable_sort(directions.begin(), directions.end(),
-                   [&](const core::Direction& a, const core::Direction& b) {
-                     if (ring(a) != ring(b)) return ring(a) > ring(b);
-                     return a.longitude_degrees() < b.longitude_degrees();
-                   });
+  std::stable_sort(directions.begin(), directions.end(), [&](const core::Direction& a, const core::Direction& b) {
+    if (ring(a) != ring(b)) return ring(a) > ring(b);
+    return a.longitude_degrees() < b.longitude_degrees();
+  });
 }
 
-std::vector<core::Direction> place_lights(const std::vector<StageCamera>& cameras,
-                                          const LayoutOptions& options) {
+std::vector<core::Direction> place_lights(const std::vector<StageCamera>& cameras, const LayoutOptions& options) {
   const std::size_t give_up_at = 100 * options.lights + 10000;
   for (std::size_t asked = options.lights; asked <= give_up_at;) {
-    const std::vector<core::Direction> all = options.layout == Layout::kGeodesic
-                                                 ? core::geodesic_directions(asked)
-                                                 : core::fibonacci_directions(asked);
+    const std::vector<core::Direction> all =
+        options.layout == Layout::kGeodesic ? core::geodesic_directions(asked) : core::fibonacci_directions(asked);
     std::vector<core::Direction> kept = outside_holes(all, cameras, options);
     if (kept.size() >= options.lights) {
       sort_top_down(kept);
@@ -137,8 +129,7 @@ bool valid_stage_name(std::string_view name) {
 
 Stage make_stage(const std::string& name, const LayoutOptions& options) {
   check(options);
-  require(valid_stage_name(name),
-          "the name '" + name + "' must be made of letters, digits, '-', '_' and '.'");
+  require(valid_stage_name(name), "the name '" + name + "' must be made of letters, digits, '-', '_' and '.'");
   Stage stage;
   stage.name = name;
   stage.radius_m = options.radius_m;

@@ -134,8 +134,7 @@ std::vector<int> read_dead_lights(const core::TomlTable& table, std::size_t ligh
   if (!table.has("dead_lights")) return dead;
   for (const double light : table.numbers("dead_lights")) {
     if (light != std::floor(light) || light < 0 || light >= double(light_count)) {
-      table.fail("dead_lights",
-                 "must hold indices of the stage's " + std::to_string(light_count) + " lights, from 0");
+      table.fail("dead_lights", "must hold indices of the stage's " + std::to_string(light_count) + " lights, from 0");
     }
     dead.push_back(static_cast<int>(light));
   }
@@ -144,8 +143,7 @@ std::vector<int> read_dead_lights(const core::TomlTable& table, std::size_t ligh
 
 StageSimulation read_simulation(const core::TomlTable& table, std::size_t light_count) {
   StageSimulation simulation;
-  simulation.seed =
-      static_cast<std::uint64_t>(table.integer("seed", static_cast<std::int64_t>(simulation.seed)));
+  simulation.seed = static_cast<std::uint64_t>(table.integer("seed", static_cast<std::int64_t>(simulation.seed)));
   simulation.mount_error_degrees = not_negative(table, "mount_error_degrees", simulation.mount_error_degrees);
   simulation.gain_spread = not_negative(table, "gain_spread", simulation.gain_spread);
   simulation.led_radius_m = not_negative(table, "led_radius_m", simulation.led_radius_m);

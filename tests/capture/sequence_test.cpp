@@ -242,7 +242,7 @@ TEST_CASE("malformed sequence files are refused with file, line and key") {
   CHECK(with("kind = \"light\"\nlights = [4, 5, 6]\n") ==
         "sequence.toml:6: key 'step[0].lights' must have 2 numbers, not 3");
   CHECK(with("kind = \"light\"\nlight = 1\nlights = [1, 2]\n") ==
-        "sequence.toml:6: key 'step[0].light' is not known; did you mean 'lights'?");
+        "sequence.toml:6: key 'step[0].light' is not known (did you mean 'lights'?)");
   CHECK(with("kind = \"dark\"\nlight = 1\n") == "sequence.toml:6: key 'step[0].light' is not known");
   CHECK(with("kind = \"pattern\"\n[[step.level]]\nlight = 1\nrgb = [1, 1, 1.5]\n") ==
         "sequence.toml:8: key 'step[0].level[0].rgb' must hold levels from 0 to 1");

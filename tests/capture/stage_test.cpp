@@ -284,7 +284,7 @@ TEST_CASE("malformed stage files are refused with file, line and key") {
          "must hold indices of the stage's 3 lights, from 0");
   expect("mount_error_degrees = 0.0", "mount_error_degrees = -1", "simulation.mount_error_degrees",
          "must not be negative");
-  expect("gain_spread", "gain_spraed", "simulation.gain_spraed", "is not known; did you mean 'gain_spread'?");
+  expect("gain_spread", "gain_spraed", "simulation.gain_spraed", "is not known (did you mean 'gain_spread'?)");
 
   CHECK(message_of("name = \"s\"\nradius_m = 1\n").find("'camera'") != std::string::npos);
   CHECK(message_of("name = \"s\nradius_m = 1\n").starts_with("stage.toml:1: "));
