@@ -106,8 +106,8 @@ TEST_CASE("the map's centre is +z, up is +y, +x a quarter of the width to the le
 }
 
 TEST_CASE("the solid angles of every map sum to 4 pi, and each is the area between its parallels and meridians") {
-  for (const auto& [height, width] : {std::pair{1, 1}, {1, 2}, {2, 1}, {3, 7}, {512, 1024}, {4096, 8192}}) {
-    const Environment map(Image(height, width, 3));
+  for (const auto& [height, width] : {std::pair{1, 1}, {1, 2}, {2, 1}, {3, 7}, {512, 1024}, {8192, 2}}) {
+    const Environment map(Image(height, width, 1));
     long double sum = 0;
     for (int y = 0; y < height; ++y) {
       sum += static_cast<long double>(map.solid_angle(y)) * width;
@@ -285,10 +285,12 @@ TEST_CASE("gathered lights are bit-equal for every thread count") {
 }
 
 TEST_CASE("a map of 8192 x 4096 pixels loses nothing") {
-  Image image = constant_map(4096, 8192, 0.5f);
-  image(0, 0, 0) = 1e6f;
-  const Environment map(std::move(image));
-  const Vec3 expected{2 + (1e6 - 0.5) * map.solid_angle(0) / kPi, 2, 2};
+  Image image(4096, 8192, 1);
+  std::fill(image.values().begin(), image.values().end(), 0.5f);
+  image(0, 0) = 1e6f;
+  const Environment map(image);
+  const double light = 2 + (1e6 - 0.5) * map.solid_angle(0) / kPi;
+  const Vec3 expected{light, light, light};
   require_same_energy(total_of(map.gather(core::fibonacci_directions(512))), expected, 1e-11);
   require_same_energy(total_of(map.lights(0.02)), expected, 1e-11);
 }
