@@ -77,7 +77,9 @@ Sequence make_olat_sequence(const OlatOptions& options) {
       options.full_on_exposure.value_or(default_full_on_exposure(options.exposure, options.light_count));
 
   Sequence sequence;
-  for (int i = 0; i < options.dark_frames; ++i) append(sequence, db::StepKind::kDark, options.exposure);
+  // In units of radiance a frame's noise falls with its exposure, and the dark level is taken off every other frame.
+  const core::Nanoseconds dark_exposure = std::max(options.exposure, full_on_exposure);
+  for (int i = 0; i < options.dark_frames; ++i) append(sequence, db::StepKind::kDark, dark_exposure);
   if (options.full_on) append(sequence, db::StepKind::kFullOn, full_on_exposure);
   const int light_count = static_cast<int>(options.light_count);
   for (int light = 0; light < light_count; ++light) {

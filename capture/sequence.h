@@ -29,9 +29,9 @@ struct Sequence {
 struct OlatOptions {
   std::size_t light_count = 0;
   int tracking_every = 10;  // a tracking frame before every n-th light and one at the end; 0 for none
-  int dark_frames = 3;      // at the start
+  int dark_frames = 3;      // at the start, as long as the longest of the others
   bool full_on = true;      // one full-on frame after the dark ones
-  core::Nanoseconds exposure = 20 * core::kMillisecond;  // of the single lights and the dark frames
+  core::Nanoseconds exposure = 20 * core::kMillisecond;  // of the single lights
   // Of full-on and tracking frames; if not given, default_full_on_exposure.
   std::optional<core::Nanoseconds> full_on_exposure;
 };

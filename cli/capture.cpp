@@ -106,7 +106,7 @@ CaptureProvenance plan(const Options& options) {
     olat.tracking_every = scan_kind(simulation.subject.kind) == db::ScanKind::kOlat ? options.tracking_every : 0;
     if (options.mirror_ball) {
       // A mirror shows the LEDs themselves, thousands of times brighter than the rest of the ball, which the full-on frame is of.
-      olat.full_on_exposure = capture::default_full_on_exposure(olat.exposure, lights);
+      olat.full_on_exposure = 20 * core::kMillisecond;
       olat.exposure = 10'000;
     }
     if (options.exposure_ms) olat.exposure = nanoseconds(*options.exposure_ms);

@@ -169,7 +169,7 @@ void evaluate_held_out(const Options& options, const db::Store& store, const db:
 void evaluate_accuracy(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const SimulatedTruth truth(store, options.name, {});
   const auto calibration = truth.calibration_error(loaded);
-  const auto alignment = truth.alignment_error(store);
+  const auto alignment = truth.alignment_error(store, loaded.scan.exposure());
   context.result(
       "'" + options.name + "' against the simulator's truth\n" +
           table({{"light directions", fixed(calibration.median_degrees, 3) + " deg median",

@@ -22,6 +22,7 @@ struct TrainOptions {
   std::optional<double> minutes;     // stop after so long (wall clock), or
   std::optional<std::int64_t> steps;   // after so many steps; at least one of the two
   int validate_every = 200;          // steps
+  int held_out_every = 0;            // recorded in the checkpoint: the scans lack every n-th light, left for evaluation (0: none)
   std::optional<std::filesystem::path> resume;  // a checkpoint written by an earlier run with the same configuration
 };
 

@@ -13,20 +13,21 @@ namespace lightstage::sim {
 // The radiance at which the sensor clips: 1 / (responsivity * seconds).
 double saturation_radiance(double responsivity, core::Nanoseconds exposure);
 
-// One exposure. `radiance` has 1 or 3 channels, `responsivity` is that of StageCamera. What happens, in turn:
-//
-// - Vignetting: signal = radiance * responsivity * seconds * (1 - vignetting * (r / r_corner)^2), in full scales;
-//   r is the distance from the image centre.
-// - Bayer mosaic, if asked for (3 channels only): one colour a pixel, rows RGRG... and GBGB...
-// - Shot noise: Poisson with mean signal * full_well_electrons. Read noise: normal, read_noise_electrons.
-// - Quantisation to `bits`, clipping at full scale. The black level lies at 1/64 of the codes, so that noise about
-//   black is not rectified.
-// - The driver: black level off, back to radiance = signal / (responsivity * seconds), bilinear demosaicing (the mean
-//   of the nearest pixels of each colour).
-//
-// Vignetting is not undone. Values may lie slightly below 0; none is above saturation_radiance. With spec.noise off,
-// vignetting, mosaic and clipping remain. The result depends on the seed and not on the thread count.
-// Throws BadInput for other channel counts and for values out of range.
+// One exposure. `radiance` has 1 or 3 channels, `responsivity` is StageCamera's. In turn:
+//   lens          Gaussian blur of blur_px
+//   vignetting    signal = radiance * responsivity * seconds * (1 - vignetting * (r / r_corner)^2), r from the image
+//                 centre, in full scales
+//   Bayer         (if asked; 3 channels) one colour a pixel, rows RGRG... and GBGB...
+//   shot noise    Poisson with mean signal * full_well_electrons
+//   read noise    normal, read_noise_electrons
+//   quantisation  to `bits`, with a black level of 1/64 of the codes so that noise about black is not rectified;
+//                 clips at full scale
+//   demosaic      (if Bayer) bilinear: the mean of the nearest pixels of each colour
+// and back: radiance = signal / (responsivity * seconds), black level taken off. Vignetting is not undone; values may
+// be slightly below 0, none is above saturation_radiance. With spec.noise off, blur, vignetting, Bayer and clipping
+// remain. The same for the same `noise_seed` on any number of threads. Throws BadInput for other channel counts, bits
+// outside 1 to 24, a blur outside 0 to 50, and an exposure, responsivity or full well that is not positive. O(pixels),
+// about 100 ns a value on one core.
 core::Image sense(core::ImageView radiance, const SensorSpec& spec, double responsivity, core::Nanoseconds exposure,
                   std::uint64_t noise_seed);
 

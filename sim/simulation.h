@@ -32,8 +32,9 @@ struct MotionSpec {
 
 struct SensorSpec {
   bool noise = true;  // shot noise, read noise and 12-bit quantisation
-  double full_well_electrons = 12000;
-  double read_noise_electrons = 6;
+  double blur_px = 0.6;            // of the lens: standard deviation of a point's picture
+  double full_well_electrons = 10500;
+  double read_noise_electrons = 2.5;
   int bits = 12;
   double vignetting = 0.15;  // relative loss of light in the image corner
   bool bayer = false;        // RGGB mosaic, demosaiced by the simulated driver

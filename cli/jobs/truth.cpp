@@ -29,12 +29,12 @@ struct SquaredError {
   double sum = 0;
   double values = 0;
 
-  void add(core::ImageView a, core::ImageView b, core::ImageView mask, double scale) {
+  void add(core::ImageView a, core::ImageView b, core::ImageView mask, double exposure) {
     for (int y = 0; y < a.height(); ++y) {
       for (int x = 0; x < a.width(); ++x) {
         if (mask(y, x) <= 0.5f) continue;
         for (int c = 0; c < a.channels(); ++c) {
-          const auto shown = [scale](float v) { return double(core::display_encode(std::min(float(v / scale), 1.0f))); };
+          const auto shown = [exposure](float v) { return double(core::display_encode(std::min(float(v / exposure), 1.0f))); };
           const double e = shown(a(y, x, c)) - shown(b(y, x, c));
           sum += e * e;
           values += 1;
@@ -95,7 +95,7 @@ SimulatedTruth::CalibrationError SimulatedTruth::calibration_error(const db::Loa
           .median_gain_error = gains.empty() ? NAN : median_of(gains)};
 }
 
-SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& store) const {
+SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& store, double exposure) const {
   const auto alignment = store.newest_product("alignment", scan_, camera_.name);
   if (!alignment) throw core::UsageError("scan '" + scan_.name + "' is not aligned; run `lightstage align " + scan_.name + "`");
   const align::MotionTrack motion = stored_motion(store, scan_, *alignment, camera_.name);
@@ -124,9 +124,8 @@ SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& 
     }
     const capture::LightLevel light{.light_index = *scan_.steps.at(std::size_t(image.index)).light_index};
     const core::Image still = as_seen(world_.render(camera_.model, std::span(&light, 1), key_time_));
-    const double scale = std::max(1e-6, core::quantile(still.values(), 0.995));
-    unaligned.add(core::to_rgb(db::load_frame(store, *frame, dark)), still, mask, scale);
-    aligned.add(core::to_rgb(store.object(image.object)), still, mask, scale);
+    unaligned.add(core::to_rgb(db::load_frame(store, *frame, dark)), still, mask, exposure);
+    aligned.add(core::to_rgb(store.object(image.object)), still, mask, exposure);
     ++error.frames;
   }
   if (end_point_errors.empty()) return error;

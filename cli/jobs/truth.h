@@ -36,8 +36,8 @@ class SimulatedTruth {
     double median_epe_px = 0, p95_epe_px = 0;   // end-point error of the flow of light frames, over the subject
     double psnr_unaligned_db = 0, psnr_aligned_db = 0;  // display values against noise-free truth in the key pose
   };
-  // UsageError when the scan was not aligned.
-  AlignmentError alignment_error(const db::Store& store) const;
+  // `exposure` is the radiance shown as 1. UsageError when the scan was not aligned.
+  AlignmentError alignment_error(const db::Store& store, double exposure) const;
 
  private:
   core::Nanoseconds key_time(const db::Store& store) const;
