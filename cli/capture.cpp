@@ -105,8 +105,9 @@ CaptureProvenance plan(const Options& options) {
     olat.light_count = lights;
     olat.tracking_every = scan_kind(simulation.subject.kind) == db::ScanKind::kOlat ? options.tracking_every : 0;
     if (options.mirror_ball) {
-      // A mirror shows the LEDs themselves, thousands of times brighter than the rest of the ball, which the full-on frame is of.
-      olat.full_on_exposure = 20 * core::kMillisecond;
+      // A mirror shows the LEDs themselves, thousands of times brighter than a lit face; and around them, in the full-on frame that its
+      // outline is found in, only the dim surroundings.
+      olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
       olat.exposure = 10'000;
     }
     if (options.exposure_ms) olat.exposure = nanoseconds(*options.exposure_ms);

@@ -34,27 +34,44 @@ struct BallView {
   std::vector<int> light_index;  // per light frame
 };
 
+// A clipped edge lies outside the true one: such a frame would give too large a ball.
+void require_not_overexposed(core::ImageView full_on, double saturation, const std::string& where) {
+  if (saturation <= 0) return;
+  std::size_t bright = 0, clipped = 0;
+  const core::Image luminance = core::to_luminance(full_on);
+  for (const float value : luminance.values()) {
+    if (value > 0.25 * saturation) ++bright;
+    if (value > 0.98 * saturation) ++clipped;
+  }
+  if (clipped * 4 > bright) {
+    throw core::BadInput(where + ": overexposed, so that the ball's outline cannot be told; shorten its exposure");
+  }
+}
+
 BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::StageCamera& camera, double radius_m) {
   BallView view;
   view.camera = camera.model;
   view.dark = db::dark_level(store, scan, camera.name);
+  const std::string where = "scan '" + scan.name + "', camera '" + camera.name + "', full-on frame";
   std::optional<core::Image> full_on;
   for (const db::Frame& frame : store.frames(scan.id, camera.name)) {
     const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
-    if (step.kind == db::StepKind::kFullOn) full_on = db::load_frame(store, frame, view.dark);
+    if (step.kind == db::StepKind::kFullOn) {
+      full_on = db::load_frame(store, frame, view.dark);
+      require_not_overexposed(*full_on, frame.saturation, where);
+    }
     if (step.kind == db::StepKind::kLight) {
       view.light_frames.push_back(frame);
       view.light_index.push_back(*step.light_index);
     }
   }
   if (!full_on) {
-    throw core::BadInput("scan '" + scan.name + "', camera '" + camera.name +
-                         "': no full-on frame to find the ball in; capture it with full_on steps");
+    throw core::BadInput(where + ": missing; the ball is found in it, capture the pass with a full_on step");
   }
   try {
     view.ball = calib::locate_sphere(*full_on, camera.model, radius_m);
   } catch (const core::BadInput& error) {
-    throw core::BadInput("scan '" + scan.name + "', camera '" + camera.name + "', full-on frame: " + error.what());
+    throw core::BadInput(where + ": " + error.what());
   }
   return view;
 }
