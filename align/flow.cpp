@@ -15,7 +15,7 @@ namespace {
 constexpr int kSmallestSide = 16;
 
 struct DisSettings {
-  int finest_scale;      // flow is computed at 1 / 2^finest_scale of the picture's size
+  int finest_scale;  // flow is computed at 1 / 2^finest_scale of the picture's size
   int patch_stride;
   int descent_iterations;
   int refinement_iterations;
@@ -24,11 +24,22 @@ struct DisSettings {
 
 DisSettings settings_of(FlowPreset preset) {
   switch (preset) {
-    case FlowPreset::kFast: return {2, 4, 16, 5, false};
-    case FlowPreset::kMedium: return {1, 3, 25, 5, false};
-    case FlowPreset::kFine: break;
+    case FlowPreset::kFast:
+      return {2, 4, 16, 5, false};
+    case FlowPreset::kMedium:
+      return {1, 3, 25, 5, false};
+    case FlowPreset::kFine:
+      break;
   }
   return {0, 3, 25, 5, true};
+}
+
+// OpenCV reads beyond its buffers when the finest scale is coarser than the coarsest one it chooses, at which the shorter side
+// still holds a patch of 8 pixels and the longer one 32.
+int finest_scale_for(int wanted, int width, int height) {
+  int scale = wanted;
+  while (scale > 0 && (std::min(width, height) < (8 << scale) || std::max(width, height) < (32 << scale))) --scale;
+  return scale;
 }
 
 // Encoded luminance on a scale of 0 to 255, smoothed a little: bilinear sampling between pixels, which the flow search does, is
@@ -75,20 +86,20 @@ FlowField compute_flow(core::ImageView reference, core::ImageView other, FlowPre
 
   const DisSettings settings = settings_of(preset);
   const cv::Ptr<cv::DISOpticalFlow> dis = cv::DISOpticalFlow::create();
-  dis->setFinestScale(settings.finest_scale);
+  dis->setFinestScale(finest_scale_for(settings.finest_scale, reference.width(), reference.height()));
   dis->setPatchStride(settings.patch_stride);
   dis->setGradientDescentIterations(settings.descent_iterations);
   dis->setVariationalRefinementIterations(settings.refinement_iterations);
   cv::Mat flow;
   dis->calc(from8, to8, flow);
   if (settings.float_refinement) {
+    // Twice OpenCV's weights of smoothness and gradient constancy against that of brightness, which changes where the subject turns.
     const cv::Ptr<cv::VariationalRefinement> refinement = cv::VariationalRefinement::create();
-    refinement->setFixedPointIterations(std::getenv("FPI") ? atoi(getenv("FPI")) : 10);
+    refinement->setFixedPointIterations(10);
     refinement->setSorIterations(10);
-    if (getenv("ALPHA")) refinement->setAlpha(atof(getenv("ALPHA")));
-    if (getenv("GAMMA")) refinement->setGamma(atof(getenv("GAMMA")));
-    if (getenv("DELTA")) refinement->setDelta(atof(getenv("DELTA")));
-    for (int i = 0; i < (getenv("REP") ? atoi(getenv("REP")) : 1); ++i) refinement->calc(from, to, flow);
+    refinement->setAlpha(40);
+    refinement->setGamma(20);
+    refinement->calc(from, to, flow);
   }
   FlowField result(flow.rows, flow.cols, 2);
   for (int y = 0; y < flow.rows; ++y) {

@@ -20,12 +20,15 @@ std::uint64_t elapsed(core::Nanoseconds earlier, core::Nanoseconds later) {
 void require_mask_of(core::ImageView mask, core::ImageSize size, const std::string& what) {
   if (mask.empty()) return;
   if (mask.channels() != 1 || mask.width() != size.width || mask.height() != size.height) {
-    throw core::BadInput(what + ": the mask has " + std::to_string(mask.width()) + " x " + std::to_string(mask.height()) +
-                         " pixels, the picture " + std::to_string(size.width) + " x " + std::to_string(size.height));
+    throw core::BadInput(what + ": the mask has " + std::to_string(mask.width()) + " x " +
+                         std::to_string(mask.height()) + " pixels, the picture " + std::to_string(size.width) + " x " +
+                         std::to_string(size.height));
   }
 }
 
-bool inside(core::ImageView mask, int y, int x) { return mask.empty() || mask(y, x) > 0.5F; }
+bool inside(core::ImageView mask, int y, int x) {
+  return mask.empty() || mask(y, x) > 0.5F;
+}
 
 }  // namespace
 
@@ -33,8 +36,9 @@ void MotionTrack::add(core::Nanoseconds time, FlowField flow) {
   if (flow.channels() != 2) throw core::BadInput("motion track: a flow needs two channels");
   core::require_finite(flow, "motion track: the flow");
   if (!knots_.empty() && knots_.front().flow.size() != flow.size()) {
-    throw core::BadInput("motion track: a flow of " + std::to_string(flow.width()) + " x " + std::to_string(flow.height()) +
-                         " pixels among flows of " + std::to_string(knots_.front().flow.width()) + " x " +
+    throw core::BadInput("motion track: a flow of " + std::to_string(flow.width()) + " x " +
+                         std::to_string(flow.height()) + " pixels among flows of " +
+                         std::to_string(knots_.front().flow.width()) + " x " +
                          std::to_string(knots_.front().flow.height()));
   }
   const auto place = std::lower_bound(knots_.begin(), knots_.end(), time,

@@ -50,9 +50,11 @@ Level level_where(const cv::Mat_<uchar>& picture, const cv::Mat_<uchar>& mask) {
   return {value_at(0.5), (value_at(0.75) - value_at(0.25)) / 1.349};
 }
 
-// The connected parts that are not small against the largest, holes filled.
+// The connected parts that are not small against the largest, holes filled; nothing where most of the mask is in small
+// parts, as that of mere noise is.
 cv::Mat_<uchar> large_parts_filled(const cv::Mat_<uchar>& mask) {
   constexpr double kLeastShareOfLargest = 0.1;  // a hand beside the head
+  constexpr double kLeastShareInLargest = 0.3;
   cv::Mat labels_any;
   cv::Mat stats;
   cv::Mat centroids;
@@ -61,6 +63,7 @@ cv::Mat_<uchar> large_parts_filled(const cv::Mat_<uchar>& mask) {
   int largest = 0;
   for (int i = 1; i < count; ++i) largest = std::max(largest, stats.at<int>(i, cv::CC_STAT_AREA));
   cv::Mat_<uchar> kept = cv::Mat_<uchar>::zeros(mask.size());
+  if (largest < kLeastShareInLargest * cv::countNonZero(mask)) return kept;
   for (int y = 0; y < mask.rows; ++y) {
     for (int x = 0; x < mask.cols; ++x) {
       const int label = labels(y, x);
@@ -94,14 +97,16 @@ core::Image subject_mask(core::ImageView full_on) {
   const Level background = level_where(picture, bright == 0);
   const Level subject = level_where(picture, bright);
   const double contrast = subject.median - background.median;
-  const double largest_background = 255 * double(core::display_encode(float(kBrightestBackground))) *
-                                    (subject.median / 255);
+  const double largest_background =
+      255 * double(core::display_encode(float(kBrightestBackground))) * (subject.median / 255);
   if (contrast < kLeastContrastInDeviations * background.deviation || background.median > largest_background) {
     return everywhere(full_on);
   }
-  const double threshold = std::min(
-      otsu, background.median + std::max(kShareOfContrast * contrast, kNoiseMargin * std::max(1.0, background.deviation)));
+  const double threshold =
+      std::min(otsu, background.median +
+                         std::max(kShareOfContrast * contrast, kNoiseMargin * std::max(1.0, background.deviation)));
   const cv::Mat_<uchar> kept = large_parts_filled(picture > threshold);
+  if (cv::countNonZero(kept) == 0) return everywhere(full_on);
   core::Image mask(full_on.height(), full_on.width(), 1);
   for (int y = 0; y < kept.rows; ++y) {
     for (int x = 0; x < kept.cols; ++x) mask(y, x) = kept(y, x) != 0 ? 1.0F : 0.0F;

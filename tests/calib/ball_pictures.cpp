@@ -109,16 +109,14 @@ core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sph
     const Vec3 u = unit(cross(std::abs(axis.y) < 0.9 ? Vec3{0, 1, 0} : Vec3{1, 0, 0}, axis));
     const Vec3 v = cross(axis, u);
     // Irradiance pi gain at stage centre from a facing disc: radiance = gain (distance / radius)^2.
-    const double radiance =
-        0.9 * lamp.gain * dot(lamp.position, lamp.position) / (lamp.radius_m * lamp.radius_m);
+    const double radiance = 0.9 * lamp.gain * dot(lamp.position, lamp.position) / (lamp.radius_m * lamp.radius_m);
     const double cell = 2 * lamp.radius_m / kCells;
     for (int j = 0; j < kCells; ++j) {
       for (int i = 0; i < kCells; ++i) {
         const double a = (i + 0.5) * cell - lamp.radius_m, b = (j + 0.5) * cell - lamp.radius_m;
         if (std::hypot(a, b) > lamp.radius_m) continue;
         const auto seen = [&](double s, double t) -> std::optional<core::Pixel> {
-          const auto p =
-              reflection_point(ball.centre, ball.radius_m, camera.centre(), lamp.position + u * s + v * t);
+          const auto p = reflection_point(ball.centre, ball.radius_m, camera.centre(), lamp.position + u * s + v * t);
           return p ? camera.project(*p) : std::nullopt;
         };
         // The cell's area in the picture from two sides of it.
@@ -134,8 +132,8 @@ core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sph
   return image;
 }
 
-core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere& ball,
-                            const std::vector<Lamp>& lamps, double albedo, double blur_px) {
+core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere& ball, const std::vector<Lamp>& lamps,
+                            double albedo, double blur_px) {
   constexpr int kSide = 3;
   core::Image image(camera.height, camera.width, 1);
   for (int y = 0; y < image.height(); ++y) {
@@ -152,8 +150,7 @@ core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere
         for (const Lamp& lamp : lamps) {
           const Vec3 to = lamp.position - point;
           const double d2 = dot(to, to);
-          value += lamp.gain * std::max(0.0, dot(to, normal) / std::sqrt(d2)) *
-                   dot(lamp.position, lamp.position) / d2;
+          value += lamp.gain * std::max(0.0, dot(to, normal) / std::sqrt(d2)) * dot(lamp.position, lamp.position) / d2;
         }
       }
       image(y, x) = float(albedo * value / (kSide * kSide));
@@ -175,8 +172,7 @@ core::Image through_sensor(const core::Image& radiance, double exposure, std::ui
   core::Image result = radiance;
   for (float& v : result.values()) {
     const double electrons = std::min(double(v) * exposure, 2.0) * kFullWell;
-    const double noisy =
-        (electrons + normal(random) * std::sqrt(electrons + kReadNoise * kReadNoise)) / kFullWell;
+    const double noisy = (electrons + normal(random) * std::sqrt(electrons + kReadNoise * kReadNoise)) / kFullWell;
     // The black level lies well above 0, so that negative noise is kept.
     v = float(std::round(std::min(noisy, 1.0) * kCodes) / kCodes / exposure);
   }

@@ -33,8 +33,8 @@ core::Image mirror_reflections(const core::CameraModel& camera, const calib::Sph
                                const std::vector<Lamp>& lamps, double blur_px);
 
 // A Lambertian ball lit by the lamps, no shadows but its own, seen through the same blur. One channel.
-core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere& ball,
-                            const std::vector<Lamp>& lamps, double albedo, double blur_px);
+core::Image lambertian_ball(const core::CameraModel& camera, const calib::Sphere& ball, const std::vector<Lamp>& lamps,
+                            double albedo, double blur_px);
 
 core::Image sum(const core::Image& a, const core::Image& b, float factor_b = 1);
 

@@ -43,8 +43,7 @@ TEST_CASE("a highlight is found to a few hundredths of a pixel, clipped or not")
       std::vector<double> errors;
       for (int i = 0; i < 20; ++i) {
         const core::Pixel truth{118 + 0.37 * i, 131 - 0.23 * i};
-        const core::Image image =
-            test::through_sensor(gaussian_spot(truth, peak, sigma), 1, std::uint64_t(i));
+        const core::Image image = test::through_sensor(gaussian_spot(truth, peak, sigma), 1, std::uint64_t(i));
         const auto found = find_highlight(image, camera(), kBall, 1);
         errors.push_back(error_px(found, truth));
         CHECK(found->clipped == (peak > 0.97));
@@ -99,8 +98,8 @@ TEST_CASE("where there is no highlight, none is found") {
   std::fill(white.values().begin(), white.values().end(), 1.0F);
   CHECK_FALSE(find_highlight(white, camera(), kBall, 1));
   for (std::uint64_t seed = 0; seed < 10; ++seed) {
-    CHECK_FALSE(find_highlight(test::through_sensor(core::Image(kPixels, kPixels, 1), 0.9, seed), camera(),
-                               kBall, 1 / 0.9));
+    CHECK_FALSE(
+        find_highlight(test::through_sensor(core::Image(kPixels, kPixels, 1), 0.9, seed), camera(), kBall, 1 / 0.9));
   }
   core::Image hot = test::through_sensor(core::Image(kPixels, kPixels, 1), 1, 9);
   hot(120, 117) = 1;

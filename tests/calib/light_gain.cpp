@@ -41,8 +41,7 @@ TEST_CASE("the grey ball gives each light's gain, channel by channel") {
     CHECK(gain.relative_sigma > 0);
     CHECK(gain.relative_sigma < 0.004);
     // A grey picture gives one gain to all channels.
-    const GainEstimate mono =
-        estimate_gain(test::through_sensor(grey, 0.9, 2), camera, kBall, kAlbedo, light, 1 / 0.9);
+    const GainEstimate mono = estimate_gain(test::through_sensor(grey, 0.9, 2), camera, kBall, kAlbedo, light, 1 / 0.9);
     CHECK(mono.gain[0] == Approx(1).epsilon(0.004));
     CHECK(mono.gain[0] == mono.gain[2]);
   }

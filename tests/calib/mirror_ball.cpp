@@ -27,16 +27,13 @@ Pass run_pass(int pixels, double blur_px, double exposure, std::size_t lights) {
   pass.camera = test::stage_camera(pixels);
   pass.true_ball = Sphere{{0.004, -0.003, 0.005}, 0.06, 0, 0};
   pass.lamps = test::stage_lamps(lights, kStageRadius, 1.0, 11);
-  const core::Image full_on =
-      test::sum(test::lambertian_ball(pass.camera, pass.true_ball, pass.lamps, 0.01, blur_px),
-                test::mirror_reflections(pass.camera, pass.true_ball, pass.lamps, blur_px));
+  const core::Image full_on = test::sum(test::lambertian_ball(pass.camera, pass.true_ball, pass.lamps, 0.01, blur_px),
+                                        test::mirror_reflections(pass.camera, pass.true_ball, pass.lamps, blur_px));
   pass.ball = locate_sphere(test::through_sensor(full_on, 0.045, 1), pass.camera, pass.true_ball.radius_m);
   for (std::size_t i = 0; i < lights; ++i) {
-    const core::Image radiance =
-        test::mirror_reflections(pass.camera, pass.true_ball, {pass.lamps[i]}, blur_px);
-    pass.estimates.push_back(
-        estimate_light({int(i), test::through_sensor(radiance, exposure, i + 2), 1 / exposure}, pass.camera,
-                       pass.ball, kStageRadius));
+    const core::Image radiance = test::mirror_reflections(pass.camera, pass.true_ball, {pass.lamps[i]}, blur_px);
+    pass.estimates.push_back(estimate_light({int(i), test::through_sensor(radiance, exposure, i + 2), 1 / exposure},
+                                            pass.camera, pass.ball, kStageRadius));
   }
   return pass;
 }

@@ -67,8 +67,7 @@ TEST_CASE("two photographed mirror balls see the same lights") {
     REQUIRE(circle >> x >> y_from_bottom >> radius);
     std::vector<LightEstimate> lights;
     for (int i = 1; i <= 12; ++i) {
-      core::Image image =
-          core::read_image(folder / ball / std::string("Image_").append(numbered(i, 2)).append(".JPG"));
+      core::Image image = core::read_image(folder / ball / std::string("Image_").append(numbered(i, 2)).append(".JPG"));
       // Both counts start at 1.
       const core::Pixel centre{x - 1, image.height() - y_from_bottom};
       const core::CameraModel camera = distant_camera(image.width(), image.height(), centre, radius);

@@ -23,8 +23,7 @@ OutlineError outline_error(const core::CameraModel& camera, const Sphere& found,
   const Vec3 sight = (truth.centre - camera.centre()) / distance;
   const Vec3 off = found.centre - truth.centre;
   const double along = dot(off, sight);
-  return {norm(off - sight * along) * px_per_metre,
-          std::abs(along / distance) * truth.radius_m * px_per_metre};
+  return {norm(off - sight * along) * px_per_metre, std::abs(along / distance) * truth.radius_m * px_per_metre};
 }
 
 }  // namespace
@@ -36,12 +35,10 @@ TEST_CASE("a ball's outline gives its place to a few hundredths of a pixel") {
       // Off the axis, where its image is no circle.
       for (const Vec3 centre : {Vec3{0, 0, 0}, Vec3{0.05, -0.08, 0.1}}) {
         const Sphere truth{centre, 0.06, 0, 0};
-        const core::Image picture =
-            test::lambertian_ball(camera, truth, test::stage_lamps(60, 1.5, 1, 5), 0.4, blur);
+        const core::Image picture = test::lambertian_ball(camera, truth, test::stage_lamps(60, 1.5, 1, 5), 0.4, blur);
         const Sphere found = locate_sphere(test::through_sensor(picture, 0.08, 1), camera, 0.06);
         const OutlineError error = outline_error(camera, found, truth);
-        INFO(pixels << " pixels, blur " << blur << ": sideways " << error.sideways << ", radius "
-                    << error.radius);
+        INFO(pixels << " pixels, blur " << blur << ": sideways " << error.sideways << ", radius " << error.radius);
         CHECK(error.sideways < 0.05);
         CHECK(error.radius < 0.08);
         CHECK(found.radius_m == 0.06);
@@ -89,15 +86,13 @@ TEST_CASE("a ball on a stand, and one cut by the picture's border, are found") {
   CHECK(outline_error(camera, found, truth).sideways < 0.05);
 
   const Sphere at_border{{0.13, 0, 0}, 0.06, 0, 0};
-  const core::Image cut =
-      test::through_sensor(test::lambertian_ball(camera, at_border, lamps, 0.4, 0.6), 0.08, 1);
+  const core::Image cut = test::through_sensor(test::lambertian_ball(camera, at_border, lamps, 0.4, 0.6), 0.08, 1);
   const OutlineError error = outline_error(camera, locate_sphere(cut, camera, 0.06), at_border);
   CHECK(error.sideways < 0.1);
   CHECK(error.radius < 0.1);
 
   const Sphere half_out{{0.167, 0, 0}, 0.06, 0, 0};
-  const core::Image gone =
-      test::through_sensor(test::lambertian_ball(camera, half_out, lamps, 0.4, 0.6), 0.08, 1);
+  const core::Image gone = test::through_sensor(test::lambertian_ball(camera, half_out, lamps, 0.4, 0.6), 0.08, 1);
   CHECK_THROWS_AS(locate_sphere(gone, camera, 0.06), core::BadInput);
 }
 

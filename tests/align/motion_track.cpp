@@ -1,0 +1,109 @@
+#include "align/motion_track.h"
+
+#include <catch2/catch.hpp>
+#include <limits>
+
+#include "align/moving_pictures.h"
+#include "core/display.h"
+#include "core/error.h"
+
+namespace lightstage::align {
+
+namespace {
+
+FlowField filled(float dx, float dy, int height = 3, int width = 5) {
+  return test::flow_of([&](double, double) { return std::pair{double(dx), double(dy)}; }, height, width);
+}
+
+}  // namespace
+
+TEST_CASE("the motion is exact at tracking frames, linear between, at rest outside") {
+  const std::vector<core::Nanoseconds> starts{0, -5'000'000'000, 4'000'000'000'000'000'000,
+                                              std::numeric_limits<core::Nanoseconds>::min()};
+  for (const core::Nanoseconds start : starts) {
+    MotionTrack track;
+    // In any order.
+    track.add(start + 1000, filled(0.1F, 0.7F));
+    track.add(start, filled(1.0F / 3, -2));
+    track.add(start + 5000, filled(4.1F, 0.3F));
+    CHECK(track.size() == 3);
+    CHECK(track.at(start) == filled(1.0F / 3, -2));
+    CHECK(track.at(start + 1000) == filled(0.1F, 0.7F));
+    CHECK(track.at(start + 5000) == filled(4.1F, 0.3F));
+    CHECK(track.at(start + 5001) == filled(4.1F, 0.3F));
+    CHECK(track.at(std::numeric_limits<core::Nanoseconds>::max()) == filled(4.1F, 0.3F));
+    CHECK(track.at(std::numeric_limits<core::Nanoseconds>::min()) == filled(1.0F / 3, -2));
+    const FlowField between = track.at(start + 2000);
+    CHECK(between(1, 2, 0) == Approx(0.75 * 0.1 + 0.25 * 4.1));
+    CHECK(between(1, 2, 1) == Approx(0.75 * 0.7 + 0.25 * 0.3));
+    // A nanosecond before a tracking frame it is nearly there.
+    CHECK(track.at(start + 4999)(0, 0, 0) == Approx(4.1).epsilon(1e-3));
+  }
+}
+
+TEST_CASE("the time between tracking frames may be as long as time is") {
+  MotionTrack track;
+  track.add(std::numeric_limits<core::Nanoseconds>::min(), filled(0, 0));
+  track.add(std::numeric_limits<core::Nanoseconds>::max(), filled(8, -8));
+  CHECK(track.at(0)(0, 0, 0) == Approx(4));
+  CHECK(track.at(0)(2, 4, 1) == Approx(-4));
+}
+
+TEST_CASE("one tracking frame is the motion at all times") {
+  MotionTrack track;
+  track.add(77, filled(1, 2));
+  CHECK(track.at(-1) == filled(1, 2));
+  CHECK(track.at(1000) == filled(1, 2));
+}
+
+TEST_CASE("a motion track refuses what does not belong") {
+  MotionTrack track;
+  CHECK_THROWS_AS(track.at(0), core::BadInput);
+  track.add(5, filled(1, 2));
+  CHECK_THROWS_AS(track.add(5, filled(1, 2)), core::BadInput);
+  CHECK_THROWS_AS(track.add(6, filled(1, 2, 3, 4)), core::BadInput);
+  CHECK_THROWS_AS(track.add(6, core::Image(3, 5, 3)), core::BadInput);
+  FlowField bad = filled(0, 0);
+  bad(0, 0) = std::numeric_limits<float>::quiet_NaN();
+  CHECK_THROWS_AS(track.add(6, bad), core::BadInput);
+  CHECK(track.size() == 1);
+}
+
+TEST_CASE("median motion is over the mask") {
+  FlowField flow(2, 3, 2);
+  flow(0, 0, 0) = 3;
+  flow(0, 0, 1) = 4;
+  core::Image mask(2, 3, 1);
+  mask(0, 0) = 1;
+  CHECK(median_motion_px(flow, mask) == 5);
+  CHECK(median_motion_px(flow, {}) == 0);
+  CHECK(median_motion_px(flow, core::Image(2, 3, 1)) == 0);
+  CHECK_THROWS_AS(median_motion_px(flow, core::Image(3, 3, 1)), core::BadInput);
+  CHECK_THROWS_AS(median_motion_px(core::Image(2, 3, 1), {}), core::BadInput);
+}
+
+TEST_CASE("the residual is measured on display-encoded values, over the mask, at the reference's exposure") {
+  const core::Image a = test::picture_of(test::Texture(2), 40, 30);
+  CHECK(residual(a, a, {}) == 0);
+  core::Image b = a;
+  for (float& v : b.values()) v *= 0.5F;
+  core::Image a4 = a, b4 = b;
+  for (float& v : a4.values()) v *= 4;
+  for (float& v : b4.values()) v *= 4;
+  CHECK(residual(a, b, {}) == Approx(residual(a4, b4, {})));
+  CHECK(residual(a, b, {}) > 0.1);
+  core::Image mask(40, 30, 1);
+  mask(7, 9) = 1;
+  core::Image one_off = a;
+  one_off(8, 9) = 100;
+  CHECK(residual(a, one_off, mask) == 0);
+  // Against black: the encoded reference itself.
+  core::Image flat(4, 4, 3), black(4, 4, 3);
+  for (float& v : flat.values()) v = 0.3F;
+  CHECK(residual(flat, black, {}) == Approx(1).epsilon(1e-5));
+  CHECK(residual(black, black, {}) == 0);
+  CHECK(residual(black, black, core::Image(4, 4, 1)) == 0);
+  CHECK_THROWS_AS(residual(flat, core::Image(4, 4, 1), {}), core::BadInput);
+}
+
+}  // namespace lightstage::align
