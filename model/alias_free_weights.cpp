@@ -21,9 +21,9 @@ constexpr double kEquidistant = 1e-12;
 
 // The active set relative to its nearest and farthest light.
 struct Distances {
-  std::vector<double> beyond_nearest;    // b_i = a_i - a_near
-  std::vector<double> before_farthest;   // c_i = a_far - a_i
-  double spread = 0;                     // a_far - a_near
+  std::vector<double> beyond_nearest;   // b_i = a_i - a_near
+  std::vector<double> before_farthest;  // c_i = a_far - a_i
+  double spread = 0;                    // a_far - a_near
 };
 
 Distances distances(const core::Direction& query, std::span<const core::Direction> lights) {

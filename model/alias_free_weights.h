@@ -22,7 +22,8 @@ struct SlopedWeights {
   std::vector<double> weights;  // W_i
   std::vector<double> slopes;   // d W_i / d ln s = s dW_i/ds; they sum to 0
 };
-SlopedWeights sloped_alias_free_weights(const core::Direction& query, std::span<const core::Direction> lights, double s);
+SlopedWeights sloped_alias_free_weights(const core::Direction& query, std::span<const core::Direction> lights,
+                                        double s);
 
 // The s that suits a light spacing (radians): about 2 / spacing^2, measured on real and simulated stages. Throws
 // BadInput for a spacing that is not a finite number > 0.

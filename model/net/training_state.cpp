@@ -1,0 +1,107 @@
+#include "model/net/training_state.h"
+
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "model/net/network_file.h"
+
+namespace lightstage::model {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using AdamState = torch::optim::AdamParamState;
+using torch::Tensor;
+
+constexpr const char* kFormat = "lightstage-training-1";
+
+// torch keeps an optimiser's state by this key.
+std::string key_of(const Tensor& parameter) {
+  return c10::guts::to_string(parameter.unsafeGetTensorImpl());
+}
+
+Json to_json(const TrainingState& state) {
+  Json curve = Json::array();
+  for (const LossPoint& p : state.curve) curve.push_back({p.step, p.seconds, p.train, p.validation});
+  return {{"step", state.step},
+          {"seconds", state.seconds},
+          {"loss_sum", state.loss_sum},
+          {"loss_count", state.loss_count},
+          {"linear_validation", state.linear_validation},
+          {"best_validation", state.best_validation},
+          {"curve", curve}};
+}
+
+TrainingState from_json(const std::string& text) {
+  const Json json = Json::parse(text);
+  TrainingState state;
+  json.at("step").get_to(state.step);
+  json.at("seconds").get_to(state.seconds);
+  json.at("loss_sum").get_to(state.loss_sum);
+  json.at("loss_count").get_to(state.loss_count);
+  json.at("linear_validation").get_to(state.linear_validation);
+  json.at("best_validation").get_to(state.best_validation);
+  for (const Json& p : json.at("curve")) state.curve.push_back({p.at(0), p.at(1), p.at(2), p.at(3)});
+  return state;
+}
+
+}  // namespace
+
+fs::path state_path(const fs::path& checkpoint) {
+  fs::path path = checkpoint;
+  path += ".state";
+  return path;
+}
+
+void save_state(const fs::path& path, const TrainingState& state, const std::string& fingerprint,
+                const Network& network, const torch::optim::Adam& optimiser) {
+  NamedTensors tensors;
+  for (const auto& [name, parameter] : network.parameters()) {
+    tensors.emplace_back("weight/" + name, parameter);
+    const auto found = optimiser.state().find(key_of(parameter));
+    if (found == optimiser.state().end()) continue;  // before the first step
+    const auto& moments = static_cast<const AdamState&>(*found->second);
+    tensors.emplace_back("mean/" + name, moments.exp_avg());
+    tensors.emplace_back("square/" + name, moments.exp_avg_sq());
+  }
+  write_tensors(path, {{"format", kFormat}, {"fingerprint", fingerprint}, {"state", to_json(state).dump()}}, tensors);
+}
+
+TrainingState load_state(const fs::path& path, const std::string& fingerprint, Network& network,
+                         torch::optim::Adam& optimiser) {
+  const SafetensorsHeader header = read_safetensors_header(path);
+  const auto text = [&](const std::string& key) {
+    const auto found = header.metadata.find(key);
+    return found == header.metadata.end() ? std::string() : found->second;
+  };
+  if (text("format") != kFormat)
+    throw core::BadInput(path.string() + ": is not the state of a training run of this version");
+  if (text("fingerprint") != fingerprint) {
+    throw core::BadInput(path.string() +
+                         ": belongs to a run with other settings and cannot be resumed with these: it had " +
+                         text("fingerprint") + ", this run has " + fingerprint);
+  }
+  TrainingState state;
+  try {
+    state = from_json(text("state"));
+  } catch (const Json::exception&) {
+    throw core::BadInput(path.string() + ": its state is damaged");
+  }
+
+  NamedTensors tensors;
+  for (const auto& [name, parameter] : network.parameters()) {
+    tensors.emplace_back("weight/" + name, parameter);
+    if (state.step == 0) continue;
+    auto moments = std::make_unique<AdamState>();
+    moments->step(state.step);
+    moments->exp_avg(torch::zeros_like(parameter));
+    moments->exp_avg_sq(torch::zeros_like(parameter));
+    tensors.emplace_back("mean/" + name, moments->exp_avg());
+    tensors.emplace_back("square/" + name, moments->exp_avg_sq());
+    optimiser.state()[key_of(parameter)] = std::move(moments);
+  }
+  read_tensors(path, header, tensors);
+  return state;
+}
+
+}  // namespace lightstage::model
