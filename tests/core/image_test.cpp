@@ -155,26 +155,26 @@ TEST_CASE("a weighted sum of crops reads only the crops") {
 }
 
 TEST_CASE("a long weighted sum of cancelling lights keeps float32's digits") {
-  // 4,000 pairs that cancel, beside one small value: a float32 accumulator would be left with rounding only.
-  const Image large = [] {
-    Image i(3, 3, 1);
-    std::fill(i.values().begin(), i.values().end(), 1e5f);
-    return i;
-  }();
-  const Image small = [] {
-    Image i(3, 3, 1);
-    std::fill(i.values().begin(), i.values().end(), 1e-3f);
-    return i;
-  }();
+  // 4,000 pairs that cancel, beside one small value: products or sums in float32 would leave rounding errors only.
+  const auto flat = [](float value) {
+    Image image(3, 3, 1);
+    std::fill(image.values().begin(), image.values().end(), value);
+    return image;
+  };
+  constexpr float kBright = 98765.43f, kDim = 54321.98f;
+  const Image bright = flat(kBright), dim = flat(kDim), small = flat(1e-3f);
   std::vector<ImageView> views;
   std::vector<double> weights;
   for (int i = 0; i < 4000; ++i) {
-    views.push_back(large);
-    weights.push_back(i % 2 == 0 ? 0.7 : -0.7);
+    const double weight = 0.7123 + 1e-4 * i;
+    views.push_back(bright);
+    weights.push_back(weight);
+    views.push_back(dim);
+    weights.push_back(-weight * double(kBright) / double(kDim));
   }
   views.push_back(small);
   weights.push_back(1);
-  CHECK(core::weighted_sum(views, weights)(1, 1) == Approx(1e-3).epsilon(1e-6));
+  CHECK(core::weighted_sum(views, weights)(1, 1) == Approx(1e-3).epsilon(1e-5));
 }
 
 TEST_CASE("images of weight zero are not read, and bad sums are refused") {

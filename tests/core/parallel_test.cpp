@@ -81,6 +81,26 @@ TEST_CASE("loops may be nested") {
   core::set_thread_count(0);
 }
 
+TEST_CASE("a thread that waits for an inner loop takes up no more of the outer one") {
+  // Else it could be made to wait for what it is itself in the middle of making.
+  core::set_thread_count(4);
+  static thread_local bool inside_outer = false;
+  std::atomic<int> interleaved{0};
+  for (int round = 0; round < 30; ++round) {
+    core::parallel_for(9, 1, [&](std::size_t, std::size_t) {
+      if (inside_outer) ++interleaved;
+      inside_outer = true;
+      // One range is long; the thread that began the loop may be left waiting for it.
+      core::parallel_for(8, 1, [](std::size_t first, std::size_t) {
+        std::this_thread::sleep_for(std::chrono::microseconds(first == 7 ? 2000 : 50));
+      });
+      inside_outer = false;
+    });
+  }
+  CHECK(interleaved == 0);
+  core::set_thread_count(0);
+}
+
 TEST_CASE("what a body throws comes out of the loop after all bodies have ended") {
   for (const int threads : {1, 4}) {
     core::set_thread_count(threads);
