@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <sstream>
 
 #include <CLI/CLI.hpp>
@@ -109,7 +110,24 @@ std::string to_text(const std::vector<model::MethodScore>& scores) {
   return text;
 }
 
-// Truth, methods and differences for a few directions spread over the list.
+// Which truths to show: some of the brighter half, in which there is something to see, from the brightest on.
+std::vector<std::size_t> shown_rows(std::span<const core::Image> truth, std::size_t rows) {
+  std::vector<std::pair<double, std::size_t>> by_brightness;
+  for (std::size_t i = 0; i < truth.size(); ++i) {
+    double sum = 0;
+    for (const float value : truth[i].values()) sum += double(value);
+    by_brightness.emplace_back(-sum, i);
+  }
+  std::sort(by_brightness.begin(), by_brightness.end());
+  std::vector<std::size_t> shown;
+  const std::size_t brighter_half = (truth.size() + 1) / 2;
+  for (std::size_t r = 0; r < std::min(rows, brighter_half); ++r) {
+    shown.push_back(by_brightness[r * brighter_half / std::min(rows, brighter_half)].second);
+  }
+  return shown;
+}
+
+// Truth, methods and differences.
 void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan, const std::vector<MethodChoice>& choices,
                  std::span<const core::Direction> directions, std::span<const core::Image> truth, bool linear) {
   constexpr std::size_t kRows = 4;
@@ -119,9 +137,7 @@ void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan, 
     interpolators.push_back(model::make_interpolator(choice.method, scan, choice.options));
   }
   std::vector<std::vector<SheetCell>> rows;
-  const std::size_t count = std::min(kRows, directions.size());
-  for (std::size_t r = 0; r < count; ++r) {
-    const std::size_t i = r * directions.size() / count;
+  for (const std::size_t i : shown_rows(truth, kRows)) {
     const core::Image shown_truth = core::to_rgb(model::judged(truth[i], scan.exposure(), linear));
     std::vector<SheetCell> row{{shown_truth, "truth " + fixed(directions[i].longitude_degrees(), 0) + ", " +
                                                  fixed(directions[i].latitude_degrees(), 0) + " deg"}};
