@@ -1,7 +1,7 @@
 #include "sim/world.h"
 
+#include <limits>
 #include <mutex>
-#include <numeric>
 
 #include "core/error.h"
 #include "core/parallel.h"

@@ -38,7 +38,7 @@ class World {
 
   // Radiance (RGB) seen by a camera of the stage when `levels` are lit and the subject is in its pose of time `t` (ns since the
   // sequence began). No noise. The lens's distortion is in it, vignetting is the sensor's. Throws BadInput for a light that does
-  // not exist. At 256 x 256 pixels about 0.1 s a core for one light and 0.2 s for 200 (1 s more the first time).
+  // not exist. At 256 x 256 pixels about 0.12 s a core for one light and 0.25 s for 200 (0.7 s more the first time).
   core::Image render(const core::CameraModel& camera, std::span<const capture::LightLevel> levels,
                      core::Nanoseconds t) const;
 

@@ -7,7 +7,7 @@
 
 namespace lightstage::sim {
 
-// `metres` maps the subject frame to the shape's: shape = (p - offset) / scale.
+// Where the shape lies in the subject frame: p = offset + scale * shape, metres a centimetre.
 struct HeadPlacement {
   Vec3f offset;
   float scale = 1;

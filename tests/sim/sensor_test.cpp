@@ -60,7 +60,6 @@ TEST_CASE("noise of a flat picture has the variance of shot noise, read noise an
   const double electrons = GENERATE(0.0, 4.0, 28.0, 40.0, 1000.0, 9000.0);
   const int bits = GENERATE(8, 12, 16);
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.vignetting = 0;
   spec.bits = bits;
   const auto radiance = static_cast<float>(electrons / spec.full_well_electrons * kSaturation);
@@ -84,7 +83,6 @@ TEST_CASE("noise of a flat picture has the variance of shot noise, read noise an
 
 TEST_CASE("values are whole steps of the converter") {
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.vignetting = 0;
   spec.bits = 6;
   core::Image ramp(1, 500, 1);
@@ -111,7 +109,6 @@ TEST_CASE("black stays black on average, with noise on both sides of it") {
 TEST_CASE("the sensor clips at its saturation, whatever comes") {
   const bool noise = GENERATE(false, true);
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.vignetting = 0;
   spec.noise = noise;
   for (const float radiance : {2.0f, 1e5f, std::numeric_limits<float>::max(), std::numeric_limits<float>::infinity()}) {
@@ -127,7 +124,6 @@ TEST_CASE("the sensor clips at its saturation, whatever comes") {
 
 TEST_CASE("without noise the sensor reports the radiance itself, less vignetting") {
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.noise = false;
   spec.vignetting = 0.15;
   const core::Image image = sense(flat(101, 101, 3, 0.5f), spec);
@@ -142,7 +138,6 @@ TEST_CASE("without noise the sensor reports the radiance itself, less vignetting
 
 TEST_CASE("exposure changes noise and clipping, not the mean") {
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.vignetting = 0;
   const core::Image scene = flat(128, 128, 1, 0.1f);
   const Moments is_long = moments(sim::sense(scene, spec, kResponsivity, kExposure, 1).values());
@@ -154,7 +149,6 @@ TEST_CASE("exposure changes noise and clipping, not the mean") {
 
 TEST_CASE("a Bayer sensor reproduces flat and linearly changing colour") {
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.noise = false;
   spec.vignetting = 0;
   spec.bayer = true;
@@ -183,7 +177,6 @@ TEST_CASE("a Bayer sensor reproduces flat and linearly changing colour") {
 
 TEST_CASE("a Bayer sensor measures R at the first pixel and B at the one diagonally next") {
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.noise = false;
   spec.vignetting = 0;
   spec.bayer = true;
@@ -204,7 +197,6 @@ TEST_CASE("a Bayer sensor measures R at the first pixel and B at the one diagona
 TEST_CASE("noise is the seed's, not the thread count's") {
   const core::Image scene = flat(67, 31, 3, 0.3f);
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.bayer = GENERATE(false, true);
   core::set_thread_count(1);
   const core::Image one = sense(scene, spec, 5);
@@ -217,7 +209,6 @@ TEST_CASE("noise is the seed's, not the thread count's") {
 
 TEST_CASE("noise of neighbouring values is independent") {
   SensorSpec spec;
-  spec.blur_px = 0;
   spec.vignetting = 0;
   const core::Image image = sense(flat(256, 256, 3, 0.5f), spec);
   const std::span<const float> v = image.values();
@@ -235,11 +226,9 @@ TEST_CASE("noise of neighbouring values is independent") {
 TEST_CASE("sensors that cannot be are refused") {
   const auto refused = [](auto change, int channels = 3) {
     SensorSpec spec;
-  spec.blur_px = 0;
     change(spec);
     CHECK_THROWS_AS(sense(flat(2, 2, channels, 0), spec), core::BadInput);
   };
-  refused([](SensorSpec& s) { s.blur_px = -1; });
   refused([](SensorSpec& s) { s.bits = 0; });
   refused([](SensorSpec& s) { s.bits = 25; });
   refused([](SensorSpec& s) { s.full_well_electrons = 0; });
@@ -249,28 +238,4 @@ TEST_CASE("sensors that cannot be are refused") {
   refused([](SensorSpec& s) { s.bayer = true; }, 1);
   CHECK_THROWS_AS(sim::sense(flat(2, 2, 3, 0), {}, kResponsivity, 0, 1), core::BadInput);
   CHECK_THROWS_AS(sim::sense(flat(2, 2, 3, 0), {}, 0, kExposure, 1), core::BadInput);
-}
-
-TEST_CASE("the lens spreads a point over its neighbours, keeps its light and its place") {
-  SensorSpec spec;
-  spec.noise = false;
-  spec.vignetting = 0;
-  spec.blur_px = 0.8;
-  core::Image point(21, 23, 1);
-  point(9, 12) = 0.5f;
-  const core::Image seen = sim::sense(point, spec, 1.0, core::kSecond, 1);
-  double sum = 0, x_mean = 0, y_mean = 0, spread = 0;
-  for (int y = 0; y < 21; ++y) {
-    for (int x = 0; x < 23; ++x) {
-      const double v = seen(y, x);
-      sum += v;
-      x_mean += v * x;
-      y_mean += v * y;
-      spread += v * (x - 12) * (x - 12);
-    }
-  }
-  CHECK(sum == Approx(0.5).epsilon(1e-5));
-  CHECK(x_mean / sum == Approx(12).epsilon(1e-6));
-  CHECK(y_mean / sum == Approx(9).epsilon(1e-6));
-  CHECK(std::sqrt(spread / sum) == Approx(0.8).epsilon(0.01));
 }

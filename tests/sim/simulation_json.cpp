@@ -69,7 +69,6 @@ TEST_CASE("a simulation survives JSON in every field") {
   CHECK(after.motion.amplitude_m == before.motion.amplitude_m);
   CHECK(after.motion.rotation_degrees == before.motion.rotation_degrees);
   CHECK(after.sensor.noise == before.sensor.noise);
-  CHECK(after.sensor.blur_px == before.sensor.blur_px);
   CHECK(after.sensor.full_well_electrons == before.sensor.full_well_electrons);
   CHECK(after.sensor.read_noise_electrons == before.sensor.read_noise_electrons);
   CHECK(after.sensor.bits == before.sensor.bits);
