@@ -29,8 +29,8 @@ struct LoadedScan {
 // The scan's lights, in the order of their first steps, with their images divided by the light's gain and
 // freed of ambient light (mean of the dark frames, if any; aligned images are free of it already). Several
 // exposures of a light are merged into one image. Lights that the calibration could not place are left out.
-// The mask is the scan's newest "mask" product. Images are read when they are first used, from a connection
-// of their own. Throws UsageError for an unknown scan or camera, or when neither a calibration nor nominal
+// The mask is the scan's newest "mask" product. Images are read when they are first used, which needs the
+// store's folder but not this connection. Throws UsageError for an unknown scan or camera, or when neither a calibration nor nominal
 // lights exist (saying what to run); StoreError when frames are missing (naming the first, and `capture
 // --resume`), in the store or in the alignment.
 LoadedScan load_scan(const Store& store, std::string_view name, const LoadOptions& options = {});

@@ -44,9 +44,9 @@ struct Step {
 struct NewScan {
   std::string name;  // unique in the store; letters, digits, '-', '_' and '.', not starting with '.'
   ScanKind kind = ScanKind::kOlat;
-  std::string stage_key;             // scans with one key stand on the same lights: a calibration of one serves all
-  std::string provenance;            // JSON: everything needed to know how it came about (stage, sequence, simulation,
-                                     // source files); empty stands for {}
+  std::string stage_key;  // scans with one key stand on the same lights: a calibration of one serves all
+  // JSON: everything needed to know how it came about (stage, sequence, simulation, source files); empty stands for {}.
+  std::string provenance;
   std::vector<std::string> cameras;  // names, unique in the scan
   std::vector<Step> steps;
 };
@@ -112,8 +112,8 @@ struct VerifyReport {
   std::size_t frames = 0;
   std::size_t objects = 0;
   std::vector<std::string> errors;  // one line each, naming scan, step and camera, or the object
-  std::vector<std::string>
-      notes;  // harmless: objects that nothing refers to (a crash or remove_scan leaves them), stray files
+  // Harmless: objects that nothing refers to (a crash or remove_scan leaves them), stray files.
+  std::vector<std::string> notes;
 };
 
 // One connection to one store; use one per thread. Functions throw StoreError (with the store's path) when
