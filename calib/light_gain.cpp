@@ -6,6 +6,7 @@
 #include "calib/ball/cone.h"
 #include "calib/ball/hit.h"
 #include "calib/robust/quantile.h"
+#include "calib/spot/ball_region.h"
 #include "core/error.h"
 
 namespace lightstage::calib {
@@ -14,9 +15,8 @@ namespace {
 
 using core::Vec3;
 
-constexpr double kRimPx = 2;            // pixels this near the outline also see the background
-constexpr double kLeastCosine = 0.15;   // below it the lamp's size and the surface's gloss matter
-constexpr double kClippedShare = 0.97;  // of the saturation
+constexpr double kRimPx = 2;           // pixels this near the outline also see the background
+constexpr double kLeastCosine = 0.15;  // below it the lamp's size and the surface's gloss matter
 constexpr int kLeastPixels = 64;
 constexpr double kFloorOfVariance =
     0.05;  // read noise next to shot noise, on the scale of a white surface facing the light
@@ -43,9 +43,8 @@ std::vector<Sample> lit_samples(core::ImageView picture, const core::CameraModel
   for (int y = top; y < bottom; ++y) {
     for (int x = left; x < right; ++x) {
       const float* pixel = picture.pixel(y, x);
-      const bool clipped = saturation > 0 && std::any_of(pixel, pixel + picture.channels(), [&](float v) {
-                             return v >= kClippedShare * saturation;
-                           });
+      const bool clipped = saturation > 0 && std::any_of(pixel, pixel + picture.channels(),
+                                                         [&](float v) { return v >= kClippedShare * saturation; });
       if (clipped) continue;
       const std::optional<BallHit> hit = hit_ball(camera, ball, {double(x), double(y)});
       if (!hit || hit->miss > 1 - margin) continue;
@@ -99,8 +98,8 @@ ChannelFit fit_channel(const std::vector<Sample>& samples, Value value) {
 
 }  // namespace
 
-GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball,
-                           double albedo, core::Vec3 light_position, double saturation) {
+GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball, double albedo,
+                           core::Vec3 light_position, double saturation) {
   if (!(albedo > 0) || !std::isfinite(albedo)) throw core::BadInput("grey ball: its albedo must be positive");
   require_picture_of(picture, camera, "grey ball");
   if (picture.channels() != 1 && picture.channels() != 3) {
@@ -112,16 +111,14 @@ GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& cam
   GainEstimate estimate;
   const std::vector<Sample> samples = lit_samples(picture, camera, ball, albedo, light_position, saturation);
   if (samples.size() < std::size_t(kLeastPixels)) {
-    estimate.reason =
-        "only " + std::to_string(samples.size()) + " pixels of the ball are lit, seen and not clipped";
+    estimate.reason = "only " + std::to_string(samples.size()) + " pixels of the ball are lit, seen and not clipped";
     return estimate;
   }
   double gain_sum = 0;
   double variance_sum = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const std::size_t channel = picture.channels() == 3 ? c : 0;
-    const ChannelFit fit =
-        fit_channel(samples, [channel](const Sample& s) { return double(s.pixel[channel]); });
+    const ChannelFit fit = fit_channel(samples, [channel](const Sample& s) { return double(s.pixel[channel]); });
     estimate.gain[c] = fit.gain;
     gain_sum += fit.gain;
     variance_sum += fit.sigma * fit.sigma;

@@ -13,15 +13,19 @@ namespace lightstage::calib {
 
 struct GainEstimate {
   bool measured = false;
-  std::array<double, 3> gain{1, 1, 1};   // irradiance at stage centre in units of pi (core::Light::gain)
-  double relative_sigma = 0;             // standard error of the gain over the gain
-  std::string reason;                    // why it was not measured
+  std::array<double, 3> gain{1, 1, 1};  // irradiance at stage centre in units of pi (core::Light::gain)
+  double relative_sigma = 0;            // standard error of the gain over the gain
+  std::string reason;                   // why it was not measured
 };
 
 // `picture` shows a Lambertian ball of known albedo lit by one light at `light_position` (stage frame), linear, free of ambient
 // light; `saturation` as in CameraFrame (clipped pixels are left out). Fits radiance = albedo gain max(cos, 0) (R/d)^2 over the lit and seen
-// pixels (R: the light's distance from stage centre, d from the surface point) by weighted least squares, channel by channel.
-// Grey pictures give one gain for all channels. Not measured when too few pixels are both lit and seen.
+// pixels (R: the light's distance from stage centre, d from the surface point) by weighted least squares, channel by channel; pixels
+// at the rim, at grazing light and far off the fit (dust, gloss) are left out. relative_sigma comes from the scatter about the
+// fit; an error of the light's direction, which matters most for lights behind the ball, is not in it.
+// Grey pictures give one gain for all channels. Not measured when fewer than 64 pixels are lit, seen and not clipped, or the ball is dark.
+// Throws BadInput for an albedo that is not positive, a light inside the ball, a picture of another size than the camera's, with
+// other than 1 or 3 channels, or with values that are not finite.
 GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball, double albedo,
                            core::Vec3 light_position, double saturation = 0);
 

@@ -32,18 +32,16 @@ std::optional<Vec3> light_position(const core::CameraModel& camera, const Sphere
 // position across the image and its distance are moved one by one by their own standard errors, both ways. A
 // movement that takes the highlight off the ball says that the direction is not determined: nothing then.
 // `here` is the light's position.
-std::optional<double> direction_sigma(const core::CameraModel& camera, const Sphere& ball,
-                                      const Highlight& highlight, Vec3 here, double stage_radius_m) {
+std::optional<double> direction_sigma(const core::CameraModel& camera, const Sphere& ball, const Highlight& highlight,
+                                      Vec3 here, double stage_radius_m) {
   constexpr double kIndependentShare = 1.0 / 3;  // neighbouring outline points share pixels
-  constexpr double kOutlineBiasPx =
-      0.02;  // what lens blur and uneven light leave in the outline, however many points
+  constexpr double kOutlineBiasPx = 0.02;  // what lens blur and uneven light leave in the outline, however many points
   const Cone cone = cone_around(camera, ball);
   const double radius_px = outline_radius_px(camera, cone);
   // A ball that was not measured (no outline points) is taken as exact.
   const double outline_px =
       ball.outline_points > 0
-          ? std::hypot(kOutlineBiasPx,
-                       ball.outline_rms_px / std::sqrt(kIndependentShare * ball.outline_points))
+          ? std::hypot(kOutlineBiasPx, ball.outline_rms_px / std::sqrt(kIndependentShare * ball.outline_points))
           : 0;
   const Vec3 sight = ball.centre - camera.centre();
   const Vec3 right = camera.stage_from_camera.rotation * Vec3{1, 0, 0};
@@ -82,8 +80,7 @@ std::optional<double> direction_sigma(const core::CameraModel& camera, const Sph
 
 }  // namespace
 
-std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sphere& ball,
-                                       core::Pixel pixel) {
+std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sphere& ball, core::Pixel pixel) {
   const std::optional<BallHit> hit = hit_ball(camera, ball, pixel);
   if (!hit) return std::nullopt;
   const Vec3 reflected = hit->view - hit->normal * (2 * dot(hit->view, hit->normal));
@@ -93,8 +90,8 @@ std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sp
 LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel& camera, const Sphere& ball,
                              double stage_radius_m) {
   if (!(stage_radius_m > norm(ball.centre) + ball.radius_m)) {
-    throw core::BadInput("mirror ball: it must lie inside the stage's sphere of " +
-                         std::to_string(stage_radius_m) + " m about the stage centre");
+    throw core::BadInput("mirror ball: it must lie inside the stage's sphere of " + std::to_string(stage_radius_m) +
+                         " m about the stage centre");
   }
   LightEstimate estimate;
   estimate.light_index = picture.light_index;
@@ -121,14 +118,12 @@ namespace {
 
 // The estimates of one light that agree with the best of them.
 LightEstimate combine_one(std::vector<const LightEstimate*> placed) {
-  std::stable_sort(placed.begin(), placed.end(), [](const LightEstimate* a, const LightEstimate* b) {
-    return a->sigma_degrees < b->sigma_degrees;
-  });
+  std::stable_sort(placed.begin(), placed.end(),
+                   [](const LightEstimate* a, const LightEstimate* b) { return a->sigma_degrees < b->sigma_degrees; });
   std::vector<const LightEstimate*> kept;
   for (const LightEstimate* candidate : placed) {
     const bool disagrees = std::any_of(kept.begin(), kept.end(), [&](const LightEstimate* better) {
-      const double apart =
-          core::degrees_from_radians(core::angle_radians(candidate->direction, better->direction));
+      const double apart = core::degrees_from_radians(core::angle_radians(candidate->direction, better->direction));
       return apart > std::max(1.0, 3 * std::hypot(candidate->sigma_degrees, better->sigma_degrees));
     });
     if (!disagrees) kept.push_back(candidate);

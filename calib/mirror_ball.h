@@ -14,15 +14,18 @@
 namespace lightstage::calib {
 
 struct Highlight {
-  core::Pixel position;    // sub-pixel
-  double peak = 0;         // brightest value, linear
-  double sigma_px = 0;     // standard error of the position
-  bool clipped = false;    // the peak is at the sensor's limit
+  core::Pixel position;  // sub-pixel
+  double peak = 0;       // brightest value, linear
+  double sigma_px = 0;   // standard error of the position
+  bool clipped = false;  // the peak is at the sensor's limit
 };
 
-// The brightest compact spot on the ball: intensity-weighted centroid over the connected pixels that stand above the ball's own
-// background, refined until it no longer moves. A second, dimmer spot (inter-reflection) is ignored. Nothing when no spot stands
-// out of the noise. `saturation` is the value at which the sensor clips (0: unknown).
+// The brightest compact spot on the ball, to a few hundredths of a pixel. Of the connected pixels that stand above the ball around
+// the spot, an unclipped spot's centroid is weighted by height; a clipped one's by the logarithm of height, between the noise and the
+// clipping level, which makes of its steep edge partly covered pixels. Streaks of glare, single hot pixels, the ball's own
+// shading and a second, dimmer spot (inter-reflection) do not count. Nothing when no spot stands out (seven standard deviations of the
+// noise) or it is larger than a quarter of the ball's radius. `saturation` is the value at which the sensor clips (0: unknown; a
+// plateau then shows it). Throws BadInput for a picture of another size than the camera's or values that are not finite.
 std::optional<Highlight> find_highlight(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball,
                                         double saturation = 0);
 
@@ -40,10 +43,10 @@ constexpr double kLargestSigmaDegrees = 1;
 struct LightEstimate {
   int light_index = 0;
   bool placed = false;
-  core::Direction direction;   // from stage centre
-  core::Vec3 position;         // metres, on the stage's sphere
-  double sigma_degrees = 0;    // standard error from highlight and outline; 180 where the rim is within it
-  std::string reason;          // why it was not placed
+  core::Direction direction;  // from stage centre
+  core::Vec3 position;        // metres, on the stage's sphere
+  double sigma_degrees = 0;   // standard error from highlight and outline; 180 where the rim is within it
+  std::string reason;         // why it was not placed
 };
 
 // One picture of the ball lit by one light, free of ambient light.
@@ -54,7 +57,10 @@ struct BallPicture {
 };
 
 // Follows the reflected ray to the sphere of radius `stage_radius_m` about the stage centre, since a light at finite distance lies in
-// another direction from the ball's surface than from the centre. Lights without a highlight (dead, behind the ball) are not placed.
+// another direction from the ball's surface than from the centre. Its sigma comes from moving highlight and ball by their
+// standard errors: towards the rim the direction turns ever faster, so that lights nearly behind the ball are the least certain.
+// Lights without a highlight (dead, behind the ball) or beyond kLargestSigmaDegrees are not placed. Throws BadInput when the ball is not
+// inside that sphere, and as find_highlight.
 LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel& camera, const Sphere& ball,
                              double stage_radius_m);
 

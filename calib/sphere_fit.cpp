@@ -82,8 +82,7 @@ OutlineLines sample_across(const CappedPicture& picture, const core::CameraModel
       if (!picture.contains(p)) break;
       line.samples.push_back(picture.sample(p));
     }
-    if (static_cast<int>(line.samples.size()) == model.sample_count())
-      lines.inside_picture.push_back(std::move(line));
+    if (static_cast<int>(line.samples.size()) == model.sample_count()) lines.inside_picture.push_back(std::move(line));
   }
   return lines;
 }

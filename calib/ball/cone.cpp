@@ -122,9 +122,8 @@ double outline_radius_px(const core::CameraModel& camera, const Cone& cone) {
 
 std::optional<Cone> consensus_cone(std::span<const TangentRay> rays, double tolerance_px) {
   if (rays.size() < 3) return std::nullopt;
-  constexpr int kDraws = 400;  // with half of the rays wrong, all draws fail with probability 1e-23
-  std::minstd_rand random(
-      20);  // the sequence is the same on every machine, unlike the standard distributions
+  constexpr int kDraws = 400;   // with half of the rays wrong, all draws fail with probability 1e-23
+  std::minstd_rand random(20);  // the sequence is the same on every machine, unlike the standard distributions
   const auto draw = [&] { return rays[random() % rays.size()].ray; };
   std::optional<Cone> best;
   double best_score = 0;

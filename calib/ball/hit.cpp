@@ -23,8 +23,8 @@ std::optional<BallHit> hit_ball(const core::CameraModel& camera, const Sphere& b
 void require_picture_of(core::ImageView picture, const core::CameraModel& camera, const std::string& what) {
   if (picture.width() != camera.width || picture.height() != camera.height) {
     throw core::BadInput(what + ": the picture has " + std::to_string(picture.width()) + " x " +
-                         std::to_string(picture.height()) + " pixels, the camera " +
-                         std::to_string(camera.width) + " x " + std::to_string(camera.height));
+                         std::to_string(picture.height()) + " pixels, the camera " + std::to_string(camera.width) +
+                         " x " + std::to_string(camera.height));
   }
   core::require_finite(picture, what);
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <opencv2/imgproc.hpp>
 
+#include "calib/robust/noise.h"
 #include "calib/robust/quantile.h"
 #include "core/error.h"
 
@@ -15,16 +16,11 @@ constexpr const char* kAdvice =
     "; photograph the ball brighter than its surroundings (all lights on, dark background, the whole ball in "
     "view)";
 
-// Standard deviation of the noise from second differences in both directions, blind to planes and edges
-// (Immerkaer 1996, "Fast noise variance estimation"), with the median for the mean so that structure does not
-// matter.
+// The median of the responses, so that structure does not matter.
 double noise_sigma(core::ImageView v) {
   std::vector<double> responses;
   for (int y = 1; y + 1 < v.height(); ++y) {
-    for (int x = 1; x + 1 < v.width(); ++x) {
-      const auto second = [&](int row) { return double(v(row, x - 1)) - 2.0 * v(row, x) + v(row, x + 1); };
-      responses.push_back((second(y - 1) - 2 * second(y) + second(y + 1)) / 6);
-    }
+    for (int x = 1; x + 1 < v.width(); ++x) responses.push_back(noise_response(v, y, x));
   }
   return robust_sigma(responses);
 }
@@ -57,8 +53,7 @@ cv::Mat_<uchar> largest_part(const cv::Mat_<uchar>& mask) {
   const int count = cv::connectedComponentsWithStats(mask, labels, stats, centroids, 8, CV_32S);
   int largest = 0;
   for (int i = 1; i < count; ++i) {
-    if (largest == 0 || stats.at<int>(i, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA))
-      largest = i;
+    if (largest == 0 || stats.at<int>(i, cv::CC_STAT_AREA) > stats.at<int>(largest, cv::CC_STAT_AREA)) largest = i;
   }
   return largest == 0 ? cv::Mat_<uchar>::zeros(mask.size()) : cv::Mat_<uchar>(labels == largest);
 }
@@ -111,8 +106,7 @@ Blob find_blob(core::ImageView luminance) {
     throw core::BadInput(std::string("calibration ball: nothing stands out of the noise") + kAdvice);
   }
   for (const cv::Point& p : contours.front()) {
-    const bool at_border =
-        p.x < 1 || p.y < 1 || p.x + 1 >= luminance.width() || p.y + 1 >= luminance.height();
+    const bool at_border = p.x < 1 || p.y < 1 || p.x + 1 >= luminance.width() || p.y + 1 >= luminance.height();
     if (!at_border) blob.contour.push_back({double(p.x), double(p.y)});
   }
   return blob;

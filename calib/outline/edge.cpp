@@ -95,8 +95,7 @@ std::optional<RimModel::Edge> RimModel::fit(std::span<const double> samples) con
   const Candidate& c = candidates_[best];
   double step = 0;
   for (std::size_t k = 0; k < 3; ++k) step += c.step_row[k] * dot(samples, c.basis[k]);
-  return Edge{c.offset_px + shift * kOffsetStepPx, step,
-              std::sqrt(std::max(0.0, left[best]) / double(samples.size()))};
+  return Edge{c.offset_px + shift * kOffsetStepPx, step, std::sqrt(std::max(0.0, left[best]) / double(samples.size()))};
 }
 
 }  // namespace lightstage::calib

@@ -14,8 +14,7 @@ double quantile(std::vector<double>& values, double q) {
 
 double robust_sigma(const std::vector<double>& residuals) {
   std::vector<double> magnitudes(residuals.size());
-  std::transform(residuals.begin(), residuals.end(), magnitudes.begin(),
-                 [](double r) { return std::abs(r); });
+  std::transform(residuals.begin(), residuals.end(), magnitudes.begin(), [](double r) { return std::abs(r); });
   return 1.4826 * quantile(magnitudes, 0.5);  // 1 / the normal distribution's third quartile
 }
 

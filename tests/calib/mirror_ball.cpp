@@ -44,8 +44,8 @@ TEST_CASE("one pass over a mirror ball places the lights of a stage") {
   // The exposure of the single lights, at which highlights are 14000 times too bright, and one that does not
   // clip.
   const double exposure = GENERATE(0.9, 6e-5);
-  const Pass pass = run_pass(512, 0.5, exposure, 100);
-  CHECK(norm(pass.ball.centre - pass.true_ball.centre) < 3e-4);
+  const Pass pass = run_pass(512, 0.5, exposure, 60);
+  CHECK(norm(pass.ball.centre - pass.true_ball.centre) < 6e-4);
   std::vector<double> errors, ratios;
   for (const LightEstimate& e : pass.estimates) {
     const Vec3 truth = pass.lamps[std::size_t(e.light_index)].position;
@@ -60,9 +60,9 @@ TEST_CASE("one pass over a mirror ball places the lights of a stage") {
   }
   INFO("median " << test::median(errors) << ", 90 % " << test::percentile(errors, 0.9) << ", largest "
                  << test::percentile(errors, 1) << " degrees; over sigma: median " << test::median(ratios));
-  CHECK(errors.size() >= 96);
-  CHECK(test::median(errors) < 0.06);
-  CHECK(test::percentile(errors, 0.9) < 0.2);
+  CHECK(errors.size() >= 57);
+  CHECK(test::median(errors) < 0.08);
+  CHECK(test::percentile(errors, 0.9) < 0.25);
   // The stated error is neither a fraction nor a multiple of the true one.
   CHECK(test::median(ratios) > 0.15);
   CHECK(test::median(ratios) < 1.2);

@@ -29,13 +29,13 @@ OutlineError outline_error(const core::CameraModel& camera, const Sphere& found,
 }  // namespace
 
 TEST_CASE("a ball's outline gives its place to a few hundredths of a pixel") {
-  for (const int pixels : {128, 257, 512}) {
+  for (const int pixels : {128, 257}) {
     for (const double blur : {0.4, 0.8, 1.5}) {
       const core::CameraModel camera = test::stage_camera(pixels);
       // Off the axis, where its image is no circle.
       for (const Vec3 centre : {Vec3{0, 0, 0}, Vec3{0.05, -0.08, 0.1}}) {
         const Sphere truth{centre, 0.06, 0, 0};
-        const core::Image picture = test::lambertian_ball(camera, truth, test::stage_lamps(60, 1.5, 1, 5), 0.4, blur);
+        const core::Image picture = test::lambertian_ball(camera, truth, test::stage_lamps(24, 1.5, 1, 5), 0.4, blur);
         const Sphere found = locate_sphere(test::through_sensor(picture, 0.08, 1), camera, 0.06);
         const OutlineError error = outline_error(camera, found, truth);
         INFO(pixels << " pixels, blur " << blur << ": sideways " << error.sideways << ", radius " << error.radius);

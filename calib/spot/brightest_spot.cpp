@@ -1,0 +1,85 @@
+#include "calib/spot/brightest_spot.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <opencv2/imgproc.hpp>
+
+namespace lightstage::calib {
+
+namespace {
+
+constexpr double kCircleShare = 0.6;            // of the largest circle in a spot: thinner parts are streaks
+constexpr double kLargestShareOfRadius = 0.25;  // of the ball's radius: larger spots are no highlights
+
+// What stands out as a small bright spot: the signal less its morphological opening (over the ball alone, so
+// that its bright limb is no spot).
+cv::Mat_<float> spots(const BallRegion& region, const cv::Mat_<float>& steady) {
+  constexpr float kNowhere = 1e30F;
+  const int radius = std::max(2, static_cast<int>(std::ceil(kLargestShareOfRadius * region.radius_px)));
+  const cv::Mat brush = cv::getStructuringElement(cv::MORPH_RECT, {2 * radius + 1, 2 * radius + 1});
+  cv::Mat inside;  // the rim's own pixels also see what is behind the ball
+  cv::erode(region.on_ball, inside, cv::Mat::ones(5, 5, CV_8U));
+  cv::Mat_<float> opened = steady.clone();
+  opened.setTo(kNowhere, inside == 0);
+  cv::erode(opened, opened, brush);
+  opened.setTo(-kNowhere, inside == 0);
+  cv::dilate(opened, opened, brush);
+  cv::Mat_<float> tall = steady - opened;
+  tall.setTo(0, opened < -0.5F * kNowhere);
+  tall.setTo(0, region.on_ball == 0);
+  return tall;
+}
+
+}  // namespace
+
+cv::Mat_<float> without_hot_pixels(const cv::Mat_<float>& values) {
+  cv::Mat_<float> result(values.size());
+  for (int y = 0; y < values.rows; ++y) {
+    for (int x = 0; x < values.cols; ++x) {
+      float first = std::numeric_limits<float>::lowest();
+      float second = first;
+      for (int ny = std::max(0, y - 1); ny <= std::min(values.rows - 1, y + 1); ++ny) {
+        for (int nx = std::max(0, x - 1); nx <= std::min(values.cols - 1, x + 1); ++nx) {
+          second = std::max(second, std::min(first, values(ny, nx)));
+          first = std::max(first, values(ny, nx));
+        }
+      }
+      result(y, x) = second;
+    }
+  }
+  return result;
+}
+
+std::optional<Spot> brightest_spot(const BallRegion& region, const cv::Mat_<float>& steady) {
+  const cv::Mat_<float> tall = spots(region, steady);
+  double peak = 0;
+  cv::minMaxLoc(tall, nullptr, &peak);
+  if (!(peak > 0)) return std::nullopt;
+  cv::Mat labels_any;
+  const int count = cv::connectedComponents(tall > 0.5 * peak, labels_any, 8, CV_32S);
+  const cv::Mat_<int> labels = labels_any;
+  std::vector<double> flux(std::size_t(count), 0.0);
+  for (int y = 0; y < tall.rows; ++y) {
+    for (int x = 0; x < tall.cols; ++x) {
+      if (labels(y, x) > 0) flux[std::size_t(labels(y, x))] += tall(y, x);
+    }
+  }
+  const auto best = static_cast<int>(std::max_element(flux.begin(), flux.end()) - flux.begin());
+  // The body: all circles in those pixels that are nearly as large as the largest. Glare draws streaks, which
+  // are thinner.
+  cv::Mat_<float> depth;
+  cv::distanceTransform(labels == best, depth, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  double radius = 0;
+  cv::minMaxLoc(depth, nullptr, &radius);
+  if (radius > kLargestShareOfRadius * region.radius_px) return std::nullopt;
+  const double share = kCircleShare * radius;
+  cv::Mat_<float> from_centres;
+  cv::distanceTransform(depth < share, from_centres, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  Spot spot;
+  spot.radius_px = radius;
+  cv::distanceTransform((labels != best) | (from_centres >= share), spot.distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  return spot;
+}
+
+}  // namespace lightstage::calib
