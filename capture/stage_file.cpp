@@ -4,7 +4,7 @@
 #include "capture/stage.h"
 #include "capture/toml/number.h"
 #include "core/config.h"
-#include "core/file.h"
+#include "core/error.h"
 
 namespace lightstage::capture {
 
@@ -26,6 +26,13 @@ std::string list(core::Vec3 v) {
 // Camera axes written in the stage frame are the columns of stage_from_camera's rotation.
 core::Vec3 column(const core::Mat3& m, double core::Vec3::*axis) {
   return {m.rows[0].*axis, m.rows[1].*axis, m.rows[2].*axis};
+}
+
+// What would not read back is not written.
+void require_writable_name(const std::string& name) {
+  if (!valid_stage_name(name)) {
+    throw core::BadInput("'" + name + "' cannot name a stage or camera: use letters, digits, '-', '_' and '.'");
+  }
 }
 
 void append_camera(std::string& text, const StageCamera& camera) {
@@ -177,6 +184,8 @@ Stage read_table(const core::TomlTable& table) {
 }  // namespace
 
 std::string to_toml(const Stage& stage) {
+  require_writable_name(stage.name);
+  for (const StageCamera& camera : stage.cameras) require_writable_name(camera.name);
   std::string text =
       "# A light stage as drawn. Stage frame: right-handed, metres, origin at stage centre, x right, y up,\n"
       "# z towards the primary (first) camera. Camera axes (right, down, forward) are unit vectors in that "

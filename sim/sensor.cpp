@@ -2,7 +2,6 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "sim/devices/lens_blur.h"
 #include "sim/devices/poisson.h"
 #include "sim/scene/random.h"
 
@@ -25,7 +24,6 @@ void check(core::ImageView radiance, const SensorSpec& spec, double responsivity
   require(radiance.channels() == 3 || (radiance.channels() == 1 && !spec.bayer),
           "the picture must have 3 channels (or 1 without Bayer mosaic)");
   require(spec.bits >= 1 && spec.bits <= 24, "bits must be 1 to 24");
-  require(spec.blur_px >= 0 && spec.blur_px <= 50, "blur_px must be 0 to 50");
   require(spec.full_well_electrons > 0, "full_well_electrons must be above 0");
   require(spec.read_noise_electrons >= 0, "read_noise_electrons must not be negative");
   require(spec.vignetting >= 0 && spec.vignetting <= 1, "vignetting must be 0 to 1");
@@ -109,7 +107,6 @@ core::Image sense(core::ImageView radiance, const SensorSpec& spec, double respo
                   std::uint64_t noise_seed) {
   check(radiance, spec, responsivity, exposure);
   const core::ImageSize size = radiance.size();
-  const core::Image focused = lens_blur(radiance, spec.blur_px);
   const double saturation = saturation_radiance(responsivity, exposure);
   const Vignetting vignetting(spec.vignetting, size);
   const Converter converter(spec, noise_seed);
@@ -120,7 +117,7 @@ core::Image sense(core::ImageView radiance, const SensorSpec& spec, double respo
     auto sample = static_cast<std::uint64_t>(y) * static_cast<std::uint64_t>(size.width * measured_channels);
     for (int x = 0; x < size.width; ++x) {
       for (int c = 0; c < measured_channels; ++c, ++sample) {
-        const double light = std::max(0.0f, focused(y, x, spec.bayer ? bayer_channel(y, x) : c));
+        const double light = std::max(0.0f, radiance(y, x, spec.bayer ? bayer_channel(y, x) : c));
         const double signal = std::min(light / saturation * vignetting.gain(y, x), kBrightest);
         measured(y, x, c) = static_cast<float>(converter.convert(signal, sample) * saturation);
       }

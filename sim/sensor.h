@@ -14,7 +14,6 @@ namespace lightstage::sim {
 double saturation_radiance(double responsivity, core::Nanoseconds exposure);
 
 // One exposure. `radiance` has 1 or 3 channels, `responsivity` is StageCamera's. In turn:
-//   lens          Gaussian blur of blur_px
 //   vignetting    signal = radiance * responsivity * seconds * (1 - vignetting * (r / r_corner)^2), r from the image
 //                 centre, in full scales
 //   Bayer         (if asked; 3 channels) one colour a pixel, rows RGRG... and GBGB...
@@ -24,9 +23,9 @@ double saturation_radiance(double responsivity, core::Nanoseconds exposure);
 //                 clips at full scale
 //   demosaic      (if Bayer) bilinear: the mean of the nearest pixels of each colour
 // and back: radiance = signal / (responsivity * seconds), black level taken off. Vignetting is not undone; values may
-// be slightly below 0, none is above saturation_radiance. With spec.noise off, blur, vignetting, Bayer and clipping
+// be slightly below 0, none is above saturation_radiance. With spec.noise off, vignetting, Bayer and clipping
 // remain. The same for the same `noise_seed` on any number of threads. Throws BadInput for other channel counts, bits
-// outside 1 to 24, a blur outside 0 to 50, and an exposure, responsivity or full well that is not positive. O(pixels),
+// outside 1 to 24, and an exposure, responsivity or full well that is not positive. O(pixels),
 // about 100 ns a value on one core.
 core::Image sense(core::ImageView radiance, const SensorSpec& spec, double responsivity, core::Nanoseconds exposure,
                   std::uint64_t noise_seed);

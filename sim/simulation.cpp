@@ -40,7 +40,6 @@ void describe_motion(Spec& s, Field&& field) {
 template <class Spec, class Field>
 void describe_sensor(Spec& s, Field&& field) {
   field("noise", s.noise);
-  field("blur_px", s.blur_px);
   field("full_well_electrons", s.full_well_electrons);
   field("read_noise_electrons", s.read_noise_electrons);
   field("bits", s.bits);

@@ -20,7 +20,7 @@ struct SubjectSpec {
   std::uint64_t seed = 1;  // shape, albedo and gloss of the procedural head; gloss of a mesh
   std::string mesh_path;   // absolute; for kMesh
   std::string mesh_hash;   // of the file's bytes, hexadecimal; checked when truth is rendered again
-  double size_m = 0;       // radius of a ball, height of anything else; 0: what suits the kind
+  double size_m = 0;       // radius of a ball, height of anything else (of a chessboard's squares); 0: what suits the kind
   double albedo = 0.5;     // of the grey ball
   double yaw_degrees = 0;  // turned about y before it is placed at stage centre
 };
@@ -32,8 +32,8 @@ struct MotionSpec {
 
 struct SensorSpec {
   bool noise = true;  // shot noise, read noise and 12-bit quantisation
-  double full_well_electrons = 12000;
-  double read_noise_electrons = 6;
+  double full_well_electrons = 10500;
+  double read_noise_electrons = 2.5;
   int bits = 12;
   double vignetting = 0.15;  // relative loss of light in the image corner
   bool bayer = false;        // RGGB mosaic, demosaiced by the simulated driver

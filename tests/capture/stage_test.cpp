@@ -224,6 +224,15 @@ TEST_CASE("a stage file reads back bit for bit") {
   CHECK(capture::to_toml(capture::read_stage(folder / "stage.toml")) == text);
 }
 
+TEST_CASE("names that would not read back are not written") {
+  Stage stage = capture::make_stage("s", {});
+  stage.name = "tower \"7\"";
+  CHECK_THROWS_AS(capture::to_toml(stage), core::BadInput);
+  stage.name = "tower-7";
+  stage.cameras[0].name = "a\nb";
+  CHECK_THROWS_AS(capture::to_toml(stage), core::BadInput);
+}
+
 TEST_CASE("a stage file needs no simulation table") {
   const Stage stage = capture::parse_stage(changed("[simulation]\nseed = 1\nmount_error_degrees = 0.0\n"
                                                    "gain_spread = 0.0\nled_radius_m = 0.012\ndead_lights = []\n",

@@ -7,7 +7,7 @@
 #include "support/support.h"
 
 using namespace lightstage;
-using test::lightstage;
+using test::run_program;
 namespace fs = std::filesystem;
 
 namespace {
@@ -16,7 +16,7 @@ namespace {
 class Workshop {
  public:
   Workshop() {
-    REQUIRE(lightstage(store(), {"init"}).status == 0);
+    REQUIRE(run_program(store(), {"init"}).status == 0);
     for (int i = 0; i < 6; ++i) {
       core::Image picture(8, 6, 3);
       for (float& value : picture.values()) value = 0.1f * float(i + 1);
@@ -34,7 +34,7 @@ class Workshop {
   fs::path store() const { return folder_ / "store"; }
   fs::path operator/(const std::string& name) const { return folder_ / name; }
 
-  test::Outcome import() const { return lightstage(store(), {"import", "lp", (folder_ / "dirs.lp").string(), "--name", "set"}); }
+  test::Outcome import() const { return run_program(store(), {"import", "lp", (folder_ / "dirs.lp").string(), "--name", "set"}); }
 
   void check_refused(const test::Outcome& outcome, int status, std::vector<std::string> said) const {
     INFO(outcome.err);
@@ -113,7 +113,7 @@ TEST_CASE("a store of a newer version is refused and left as it is") {
   file.close();
   const std::string before = test::fingerprint(workshop.store());
   workshop.check_refused(workshop.import(), 5, {"store", "99"});
-  workshop.check_refused(lightstage(workshop.store(), {"store", "verify"}), 5, {"99"});
+  workshop.check_refused(run_program(workshop.store(), {"store", "verify"}), 5, {"99"});
   CHECK(test::fingerprint(workshop.store()) == before);
 }
 
@@ -121,7 +121,7 @@ TEST_CASE("bad input to the other commands names file, place and remedy") {
   const Workshop workshop;
   REQUIRE(workshop.import().status == 0);
   const std::string before = test::fingerprint(workshop.store());
-  const auto run = [&](std::vector<std::string> arguments) { return lightstage(workshop.store(), std::move(arguments)); };
+  const auto run = [&](std::vector<std::string> arguments) { return run_program(workshop.store(), std::move(arguments)); };
   const std::string out = (workshop / "out.exr").string();
 
   workshop.check_refused(run({"relight", "sett", "--light", "0,0,1", "--out", out}), 2, {"'sett'", "'set'"});

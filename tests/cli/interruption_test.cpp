@@ -9,7 +9,7 @@
 #include "support/support.h"
 
 using namespace lightstage;
-using test::lightstage;
+using test::run_program;
 
 namespace {
 
@@ -17,8 +17,8 @@ struct Capture {
   explicit Capture(const test::TemporaryFolder& folder)
       : store(folder / "store"),
         arguments{"capture", "--sim", "--procedural", "3", "--stage", (folder / "stage.toml").string(), "--size", "64", "--name", "head"} {
-    REQUIRE(lightstage(store, {"init"}).status == 0);
-    REQUIRE(lightstage(store, {"stage", "--lights", "60", "--out", (folder / "stage.toml").string()}).status == 0);
+    REQUIRE(run_program(store, {"init"}).status == 0);
+    REQUIRE(run_program(store, {"stage", "--lights", "60", "--out", (folder / "stage.toml").string()}).status == 0);
   }
 
   // Returns once so many frames are in the store.
@@ -35,7 +35,7 @@ struct Capture {
   }
 
   void check_resumed() const {
-    const test::Outcome resumed = lightstage(store, {"capture", "--resume", "--name", "head", "--json"});
+    const test::Outcome resumed = run_program(store, {"capture", "--resume", "--name", "head", "--json"});
     INFO(resumed.err);
     REQUIRE(resumed.status == 0);
     CHECK(resumed.json()["already_stored"].get<int>() > 0);
@@ -45,7 +45,7 @@ struct Capture {
     for (const db::Frame& frame : reader.frames(scan.id)) steps.insert(frame.step_index);
     CHECK(steps.size() == scan.steps.size());
     for (const db::Step& step : scan.steps) CHECK(steps.count(step.step_index) == 1);
-    const test::Outcome verified = lightstage(store, {"store", "verify", "--json"});
+    const test::Outcome verified = run_program(store, {"store", "verify", "--json"});
     INFO(verified.out);
     CHECK(verified.json()["ok"] == true);
   }

@@ -8,7 +8,7 @@
 #include "support/support.h"
 
 using namespace lightstage;
-using test::lightstage;
+using test::run_program;
 namespace fs = std::filesystem;
 
 namespace {
@@ -25,7 +25,7 @@ void thin_list(const fs::path& from, const fs::path& to, int every) {
 
 nlohmann::json succeed(const fs::path& store, std::vector<std::string> arguments) {
   arguments.push_back("--json");
-  const test::Outcome outcome = lightstage(store, arguments);
+  const test::Outcome outcome = run_program(store, arguments);
   INFO(arguments.front() << ": " << outcome.err);
   REQUIRE(outcome.status == 0);
   return outcome.json();

@@ -7,13 +7,13 @@
 #include "support/support.h"
 
 using namespace lightstage;
-using test::lightstage;
+using test::run_program;
 
 namespace {
 
 nlohmann::json succeed(const std::filesystem::path& store, std::vector<std::string> arguments) {
   arguments.push_back("--json");
-  const test::Outcome outcome = lightstage(store, arguments);
+  const test::Outcome outcome = run_program(store, arguments);
   INFO(arguments.front() << ": " << outcome.err);
   REQUIRE(outcome.status == 0);
   REQUIRE(std::count(outcome.out.begin(), outcome.out.end(), '\n') == 1);

@@ -50,7 +50,7 @@ int wait_for(int pid) {
 
 }  // namespace
 
-Outcome lightstage(const fs::path& store, std::vector<std::string> arguments) {
+Outcome run_program(const fs::path& store, std::vector<std::string> arguments) {
   const TemporaryFolder folder;
   Outcome outcome;
   outcome.status = wait_for(start(store, std::move(arguments), folder / "out", folder / "err"));

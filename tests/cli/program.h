@@ -17,7 +17,7 @@ struct Outcome {
 };
 
 // The program started with a store of its own; waits for its end.
-Outcome lightstage(const std::filesystem::path& store, std::vector<std::string> arguments);
+Outcome run_program(const std::filesystem::path& store, std::vector<std::string> arguments);
 
 // The same in the background, for killing.
 class BackgroundRun {

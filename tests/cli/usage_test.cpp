@@ -4,27 +4,27 @@
 #include "support/support.h"
 
 using namespace lightstage;
-using test::lightstage;
+using test::run_program;
 
 TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
   for (const std::string command : {"init", "stage", "capture", "calibrate", "align", "import", "export", "train", "superres",
                                     "relight", "sky", "evaluate", "store", "doctor", "demo"}) {
     INFO(command);
-    const test::Outcome help = lightstage(folder / "store", {command, "--help"});
+    const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);
     CHECK(help.err.empty());
     CHECK(help.out.find("Example") != std::string::npos);
     CHECK(help.out.find("lightstage " + command) != std::string::npos);
   }
-  CHECK(lightstage(folder / "store", {"--help"}).out.find("relight") != std::string::npos);
+  CHECK(run_program(folder / "store", {"--help"}).out.find("relight") != std::string::npos);
   CHECK_FALSE(std::filesystem::exists(folder / "store"));
 }
 
 TEST_CASE("what is misspelt is answered with the nearest name and exit status 2") {
   const test::TemporaryFolder folder;
   const auto fails_with = [&](std::vector<std::string> arguments, const std::string& hint) {
-    const test::Outcome outcome = lightstage(folder / "store", std::move(arguments));
+    const test::Outcome outcome = run_program(folder / "store", std::move(arguments));
     INFO(outcome.err);
     CHECK(outcome.status == 2);
     CHECK(outcome.out.empty());
@@ -43,7 +43,7 @@ TEST_CASE("what is misspelt is answered with the nearest name and exit status 2"
 
 TEST_CASE("the commands that stand on a missing store say how to make one") {
   const test::TemporaryFolder folder;
-  const test::Outcome outcome = lightstage(folder / "nowhere", {"store", "ls"});
+  const test::Outcome outcome = run_program(folder / "nowhere", {"store", "ls"});
   CHECK(outcome.status == 5);
   CHECK(outcome.err.find("nowhere") != std::string::npos);
   CHECK(outcome.err.find("lightstage init") != std::string::npos);
@@ -51,7 +51,7 @@ TEST_CASE("the commands that stand on a missing store say how to make one") {
 
 TEST_CASE("doctor reports what the machine offers") {
   const test::TemporaryFolder folder;
-  const test::Outcome outcome = lightstage(folder / "store", {"doctor", "--json", "--threads", "1"});
+  const test::Outcome outcome = run_program(folder / "store", {"doctor", "--json", "--threads", "1"});
   CHECK(outcome.status == 0);
   const auto report = outcome.json();
   CHECK(report["threads"] == 1);
