@@ -165,8 +165,9 @@ void evaluate_off_grid(const Options& options, const db::Store& store, const db:
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
   const std::vector<core::Direction> directions =
       model::off_grid_directions(loaded.scan.directions(), options.directions, options.seed);
+  const SimulatedTruth simulated(store, options.name, {});
   core::note("rendering the truth for " + std::to_string(directions.size()) + " directions");
-  const std::vector<core::Image> truth = SimulatedTruth(store, options.name, {}).render(directions);
+  const std::vector<core::Image> truth = simulated.render(directions);
   const auto scores =
       model::evaluate_against_truth(loaded.scan, factories(choices), directions, [&](std::size_t i) { return truth[i]; },
                                     {.linear_values = options.linear});

@@ -60,6 +60,8 @@ TEST_CASE("noise of a flat picture has the variance of shot noise, read noise an
   const double electrons = GENERATE(0.0, 4.0, 28.0, 40.0, 1000.0, 9000.0);
   const int bits = GENERATE(8, 12, 16);
   SensorSpec spec;
+  spec.full_well_electrons = 12000;
+  spec.read_noise_electrons = 6;
   spec.vignetting = 0;
   spec.bits = bits;
   const auto radiance = static_cast<float>(electrons / spec.full_well_electrons * kSaturation);
