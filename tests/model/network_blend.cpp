@@ -1,0 +1,375 @@
+// The network as a function: where it starts, that it is continuous, and that every size and extreme gives a finite picture.
+#include <ATen/Parallel.h>
+#include <torch/torch.h>
+
+#include <catch2/catch.hpp>
+#include <limits>
+#include <thread>
+
+#include "core/display.h"
+#include "core/parallel.h"
+#include "core/sphere.h"
+#include "model/classical.h"
+#include "model/net/network.h"
+#include "model/net/network_file.h"
+#include "model/net/norm_prelu.h"
+#include "model/net/pixels.h"
+#include "model/net/training_data.h"
+#include "model/superres.h"
+#include "model/synthetic_scan.h"
+#include "support/support.h"
+
+namespace lightstage {
+namespace {
+
+using core::Direction;
+using core::Image;
+using core::ImageSize;
+using model::Network;
+using torch::Tensor;
+
+const model::NetworkConfig kSmall{.neighbours = 8, .channels = {4, 8, 12}, .sharpness = 4};
+
+// Weights as training might leave them: nothing is zero any more.
+Network trained_looking(const model::NetworkConfig& config) {
+  Network network(config, 3);
+  const torch::NoGradGuard no_gradients;
+  at::Generator generator = at::detail::createCPUGenerator(11);
+  for (auto [name, parameter] : network.parameters()) {
+    if (name == "head.logit.weight" || name == "head.tilt") parameter.copy_(torch::randn(parameter.sizes(), generator));
+  }
+  return network;
+}
+
+// A scene with structure that differs from light to light, so that wrong blending shows.
+core::OlatScan busy_scan(ImageSize size, std::size_t lights = 60, Image mask = {}) {
+  const auto value = [size](const Direction& l, int y, int x, int c) {
+    const double edge = std::sin(9.0 * y / size.height + 8 * l.x()) + std::cos(7.0 * x / size.width + 9 * l.y());
+    return std::max(0.0, 0.4 * (l.z() + 1.2) + 0.3 * edge + 0.1 * c);
+  };
+  return test::scan_of(core::fibonacci_directions(lights), size, value, std::move(mask));
+}
+
+std::filesystem::path saved(const test::TemporaryFolder& folder, const Network& network) {
+  model::save_network(folder / "net.safetensors", network, "{}");
+  return folder / "net.safetensors";
+}
+
+double largest_difference(const Image& a, const Image& b) {
+  REQUIRE(a.size() == b.size());
+  double largest = 0;
+  for (std::size_t i = 0; i < a.values().size(); ++i) {
+    largest = std::max(largest, std::abs(double(a.values()[i]) - double(b.values()[i])));
+  }
+  return largest;
+}
+
+bool finite(const Image& image) {
+  return std::all_of(image.values().begin(), image.values().end(), [](float v) { return std::isfinite(v); });
+}
+
+double largest(const Tensor& a) {
+  return a.abs().max().item<double>();
+}
+
+}  // namespace
+
+TEST_CASE("an untrained network is linear blending with the same weights") {
+  const test::TemporaryFolder folder;
+  const core::OlatScan scan = busy_scan({13, 17, 3});
+  const double spacing = core::median_spacing_radians(scan.directions());
+  const auto network = model::make_superres(scan, saved(folder, Network(kSmall, 1)));
+  const auto linear = model::make_linear_blend(scan, kSmall.neighbours, kSmall.sharpness / (spacing * spacing),
+                                               model::Domain::kDisplay);
+  for (const Direction& query : core::random_directions(6, 2)) {
+    const Image a = core::display_encode(network->render(query)), b = core::display_encode(linear->render(query));
+    CHECK(largest_difference(a, b) < 1e-6 * std::pow(scan.exposure(), 1 / 2.2));
+  }
+}
+
+TEST_CASE("a trained network is a blend of the captured images, not the linear one") {
+  const test::TemporaryFolder folder;
+  const core::OlatScan scan = busy_scan({13, 17, 3});
+  const auto network = model::make_superres(scan, saved(folder, trained_looking(kSmall)));
+  const auto untrained = model::make_superres(scan, saved(folder, Network(kSmall, 1)));
+  for (const Direction& query : core::random_directions(3, 2)) {
+    const Image image = network->render(query);
+    CHECK(largest_difference(image, untrained->render(query)) > 0.01);
+    const auto active = core::nearest_indices(scan.directions(), query, 8);
+    for (int y = 0; y < 13; ++y) {
+      for (int c = 0; c < 3; ++c) {
+        float low = std::numeric_limits<float>::max(), high = 0;
+        for (const std::size_t light : active) {
+          low = std::min(low, (*scan.image(light))(y, 5, c));
+          high = std::max(high, (*scan.image(light))(y, 5, c));
+        }
+        CHECK(image(y, 5, c) >= low - 1e-4f);
+        CHECK(image(y, 5, c) <= high + 1e-4f);
+      }
+    }
+  }
+}
+
+TEST_CASE("the picture does not jump where the active set changes, as it would with plain average pooling") {
+  const torch::NoGradGuard no_gradients;
+  const core::OlatScan scan = busy_scan({8, 12, 3});
+  const std::vector<Direction>& lights = scan.directions();
+  const Network network = trained_looking(kSmall);
+  const auto rbf = model::make_rbf(scan, model::Domain::kDisplay);
+  const double spacing = core::median_spacing_radians(lights);
+  const auto picture = [&](const Direction& query, bool alias_free) {
+    model::ActiveSet set = network.active_set(query, lights, core::nearest_indices(lights, query, 8), spacing);
+    if (!alias_free) set.weights = torch::full_like(set.weights, 1.0 / 8);
+    std::vector<Tensor> displays;
+    for (const std::size_t i : set.lights) displays.push_back(model::to_display(*scan.image(i), 1));
+    const Tensor images = torch::stack(displays);
+    const Tensor guide = model::to_display(rbf->render(query), 1).unsqueeze(0);
+    const Tensor logits = network.logits(network.encode(images, set.directions), images, guide, set);
+    return model::blend(images, set.weights, logits);
+  };
+  const auto along = [](double t) { return Direction::from_vector({std::cos(t), 0.5 * std::sin(2 * t), std::sin(t)}); };
+  const auto set_at = [&](double t) {
+    auto set = core::nearest_indices(lights, along(t), 8);
+    std::sort(set.begin(), set.end());
+    return set;
+  };
+
+  int changes = 0;
+  double largest_jump = 0, largest_plain_jump = 0;
+  for (double t = 0; t < 1.5; t += 0.02) {
+    if (set_at(t) == set_at(t + 0.02)) continue;
+    double before = t, after = t + 0.02;  // closes in on one change
+    while (after - before > 1e-7) {
+      const double middle = (before + after) / 2;
+      (set_at(middle) == set_at(t) ? before : after) = middle;
+    }
+    ++changes;
+    largest_jump = std::max(largest_jump, largest(picture(along(after), true) - picture(along(before), true)));
+    largest_plain_jump =
+        std::max(largest_plain_jump, largest(picture(along(after), false) - picture(along(before), false)));
+  }
+  REQUIRE(changes > 10);
+  CHECK(largest_jump < 2e-4);  // 1e-7 radians of movement, and float32
+  CHECK(largest_plain_jump > 100 * largest_jump);
+}
+
+TEST_CASE("pictures do not depend on threads, on what is cached or on what was asked before") {
+  const test::TemporaryFolder folder;
+  const core::OlatScan scan = busy_scan({37, 23, 3}, 40);
+  const auto path = saved(folder, trained_looking(kSmall));
+  const auto queries = core::random_directions(6, 9);
+  const auto cached = model::make_superres(scan, path);
+  std::vector<Image> expected;
+  for (const Direction& query : queries) expected.push_back(cached->render(query));
+  for (std::size_t i = queries.size(); i-- > 0;) CHECK(cached->render(queries[i]) == expected[i]);
+
+  for (const std::size_t bytes : {std::size_t(0), std::size_t(100000)}) {
+    const auto forgetful = model::make_superres(scan, path, bytes);
+    for (std::size_t i = 0; i < queries.size(); ++i) CHECK(forgetful->render(queries[i]) == expected[i]);
+  }
+
+  const auto shared = model::make_superres(scan, path, 200000);
+  std::vector<Image> from_threads(queries.size());
+  std::vector<std::thread> threads;
+  for (std::size_t i = 0; i < queries.size(); ++i) {
+    threads.emplace_back([&, i] { from_threads[i] = shared->render(queries[i]); });
+  }
+  for (std::thread& thread : threads) thread.join();
+  for (std::size_t i = 0; i < queries.size(); ++i) CHECK(largest_difference(from_threads[i], expected[i]) < 1e-6);
+
+  core::set_thread_count(1);
+  const auto single = model::make_superres(scan, path);
+  for (std::size_t i = 0; i < queries.size(); ++i)
+    CHECK(largest_difference(single->render(queries[i]), expected[i]) < 1e-6);
+  core::set_thread_count(0);
+}
+
+TEST_CASE("images of any size, any mask and any number of channels are rendered") {
+  const test::TemporaryFolder folder;
+  const auto path = saved(folder, trained_looking(kSmall));
+  const Direction query = Direction::from_vector({0.2, 0.1, 1});
+  for (const ImageSize size : {ImageSize{1, 1, 3}, {3, 41, 3}, {41, 3, 1}, {31, 29, 3}, {2, 2, 4}}) {
+    const core::OlatScan scan = busy_scan(size, 20);
+    const Image image = model::make_superres(scan, path)->render(query);
+    CHECK(image.size() == ImageSize{size.height, size.width, size.channels == 1 ? 1 : 3});
+    CHECK(finite(image));
+  }
+  for (const std::size_t lights : {1, 2, 5}) {
+    CHECK(finite(model::make_superres(busy_scan({5, 7, 3}, lights), path)->render(query)));
+  }
+  const core::OlatScan scan = busy_scan({5, 7, 3}, 20);
+  for (const std::size_t light : {0, 11}) {
+    CHECK(finite(model::make_superres(scan, path)->render(scan.directions()[light])));
+  }
+}
+
+TEST_CASE(
+    "outside the mask's bounding box the picture is linear blending, and a grey scan is a colour scan without colour") {
+  const test::TemporaryFolder folder;
+  const auto path = saved(folder, trained_looking(kSmall));
+  Image mask(19, 23, 1);
+  for (int y = 4; y < 9; ++y) {
+    for (int x = 6; x < 17; ++x) mask(y, x) = 1;
+  }
+  const core::OlatScan scan = busy_scan({19, 23, 3}, 30, mask);
+  const Direction query = Direction::from_vector({-0.3, 0.4, 1});
+  const double spacing = core::median_spacing_radians(scan.directions());
+  const Image network = model::make_superres(scan, path)->render(query);
+  const Image linear =
+      model::make_linear_blend(scan, 8, 4 / (spacing * spacing), model::Domain::kDisplay)->render(query);
+  double outside = 0, inside = 0;
+  for (int y = 0; y < 19; ++y) {
+    for (int x = 0; x < 23; ++x) {
+      double& largest_here = mask(y, x) > 0 ? inside : outside;
+      largest_here = std::max(largest_here, std::abs(double(network(y, x)) - linear(y, x)));
+    }
+  }
+  CHECK(outside < 1e-5);
+  CHECK(inside > 1e-2);
+
+  const auto shade = [](const Direction& l, int y, int x, int) { return 0.5 + 0.3 * std::sin(y * l.x() + x * l.y()); };
+  const auto lights = core::fibonacci_directions(30);
+  const Image grey = model::make_superres(test::scan_of(lights, {9, 11, 1}, shade), path)->render(query);
+  const Image colour = model::make_superres(test::scan_of(lights, {9, 11, 3}, shade), path)->render(query);
+  CHECK(largest_difference(core::to_rgb(grey), colour) < 1e-6);
+}
+
+TEST_CASE("extreme pictures give finite pictures") {
+  const test::TemporaryFolder folder;
+  const auto path = saved(folder, trained_looking(kSmall));
+  const Direction query = Direction::from_vector({0.1, 0.3, 1});
+  const ImageSize size{9, 10, 3};
+  const auto lights = core::fibonacci_directions(20);
+  const auto render = [&](const test::PixelFunction& value) {
+    return model::make_superres(test::scan_of(lights, size, value), path)->render(query);
+  };
+  const Image black = render([](const Direction&, int, int, int) { return 0.0; });
+  CHECK(largest_difference(black, Image(size)) == 0);
+  for (const double level : {65504.0, 1e30, 1e-30, double(std::numeric_limits<float>::denorm_min())}) {
+    CHECK(finite(render([&](const Direction&, int, int, int) { return level; })));
+    // One such pixel in an ordinary picture, and an ordinary pixel in a black one.
+    CHECK(finite(
+        render([&](const Direction& l, int y, int x, int) { return y == 4 && x == 4 ? level : 0.5 + 0.4 * l.x(); })));
+    CHECK(finite(render([&](const Direction&, int y, int x, int) { return y == 4 && x == 4 ? level : 0.0; })));
+  }
+  const Image hot = render([](const Direction&, int y, int x, int) { return y == 4 && x == 4 ? 1e5 : 0.5; });
+  CHECK(hot(4, 4) == Approx(1e5).epsilon(1e-4));
+  CHECK(hot(0, 0) == Approx(0.5).epsilon(1e-4));
+  const Image negative = render([](const Direction&, int, int, int) { return -1.0; });
+  CHECK(largest_difference(negative, Image(size)) == 0);
+}
+
+TEST_CASE("a network read from its file is the network that was saved") {
+  const test::TemporaryFolder folder;
+  const Network network = trained_looking(kSmall);
+  const Network read = model::load_network(saved(folder, network));
+  CHECK(read.config() == kSmall);
+  REQUIRE(read.parameters().size() == network.parameters().size());
+  for (const auto& [name, parameter] : network.parameters()) CHECK(torch::equal(parameter, read.parameter(name)));
+}
+
+TEST_CASE("group normalisation with PReLU equals torch's, with its gradients, on any number of threads") {
+  torch::manual_seed(5);
+  for (const auto& [channels, groups, height, width] :
+       {std::tuple{8, 1, 1, 1}, {8, 2, 3, 5}, {12, 3, 17, 13}, {16, 2, 61, 97}, {4, 4, 2, 1}}) {
+    const auto random = [](std::vector<std::int64_t> shape) { return torch::randn(shape); };
+    const Tensor x = random({3, channels, height, width}) * 3 + 5;
+    const Tensor scale = random({channels}), shift = random({channels}), slope = random({channels});
+    const Tensor up = random({3, channels, height, width});
+    const auto results = [&](bool fused, torch::Dtype type) {
+      std::vector<Tensor> inputs;
+      for (const Tensor& t : {x, scale, shift, slope})
+        inputs.push_back(t.to(type).detach().clone().requires_grad_(true));
+      const Tensor y = fused
+                           ? model::norm_prelu(inputs[0], inputs[1], inputs[2], inputs[3], groups)
+                           : torch::prelu(torch::group_norm(inputs[0], groups, inputs[1], inputs[2], 1e-5), inputs[3]);
+      const Tensor z = fused ? model::channel_prelu(inputs[0], inputs[3]) : torch::prelu(inputs[0], inputs[3]);
+      ((y + z) * up.to(type)).sum().backward();
+      std::vector<Tensor> all{y.detach(), z.detach()};
+      for (const Tensor& input : inputs) all.push_back(input.grad());
+      return all;
+    };
+    const auto expected = results(false, torch::kFloat64);
+    at::set_num_threads(1);
+    const auto one = results(true, torch::kFloat32);
+    at::set_num_threads(3);
+    const auto three = results(true, torch::kFloat32);
+    for (std::size_t i = 0; i < expected.size(); ++i) {
+      CHECK(largest(one[i].to(torch::kFloat64) - expected[i]) < 2e-5 * (1 + largest(expected[i])));
+      CHECK(torch::equal(one[i], three[i]));
+    }
+  }
+  at::set_num_threads(core::thread_count());
+}
+
+TEST_CASE("the gradient of the sharpness is that of the loss, and finite at the extremes") {
+  const core::OlatScan scan = busy_scan({8, 8, 3}, 60);
+  const std::vector<Direction>& lights = scan.directions();
+  const auto loss = [&](const Network& network, const Direction& query, std::vector<std::size_t> active) {
+    const model::ActiveSet set = network.active_set(query, lights, std::move(active), 0.45);
+    std::vector<Tensor> displays;
+    for (const std::size_t i : set.lights) displays.push_back(model::to_display(*scan.image(i), 1));
+    const Tensor images = torch::stack(displays);
+    const Tensor logits = network.logits(network.encode(images, set.directions), images, images.narrow(0, 0, 1), set);
+    return model::blend(images, set.weights, logits).square().mean();
+  };
+  const auto set_log_sharpness = [](Network& network, double value) {
+    const torch::NoGradGuard no_gradients;
+    Tensor parameter = network.parameter("log_sharpness");
+    parameter.fill_(value);
+  };
+
+  const Direction query = Direction::from_vector({0.3, 0.1, 1});
+  const auto active = core::nearest_indices(lights, query, 8);
+  Network network(kSmall, 4);  // logits of 0, so that only the weights carry the gradient
+  loss(network, query, active).backward();
+  const double gradient = network.parameter("log_sharpness").grad().item<double>();
+  const double middle = std::log(kSmall.sharpness), step = 0.02;
+  set_log_sharpness(network, middle + step);
+  const double above = loss(network, query, active).item<double>();
+  set_log_sharpness(network, middle - step);
+  const double below = loss(network, query, active).item<double>();
+  CHECK(gradient == Approx((above - below) / (2 * step)).epsilon(0.02));
+
+  for (const double log_s : {-30.0, 0.0, 13.8}) {
+    for (const auto& [q, set] :
+         {std::pair{lights[7], core::nearest_indices(lights, lights[7], 8)},
+          {Direction::from_vector(-lights[7].vec()), core::nearest_indices(lights, lights[7], 8)},
+          {query, std::vector<std::size_t>{3}},
+          {query, std::vector<std::size_t>{3, 3, 3}}}) {
+      Network extreme = trained_looking(kSmall);
+      set_log_sharpness(extreme, log_s);
+      loss(extreme, q, set).backward();
+      for (const auto& [name, parameter] : extreme.parameters())
+        CHECK(torch::isfinite(parameter.grad()).all().item<bool>());
+    }
+  }
+}
+
+TEST_CASE("a training example never shows its query's light, nor any light in that place") {
+  auto lights = core::fibonacci_directions(40);
+  lights.push_back(lights[9]);  // 40 stands where 9 stands
+  const ImageSize size{11, 14, 3};
+  const auto value = [](const Direction& l, int y, int x, int) {
+    return 0.6 + 0.4 * std::sin(y + 3 * l.x() + x * l.y());
+  };
+  const core::OlatScan scan = test::scan_of(lights, size, value);
+  const model::TrainingScan data(scan, 8, 16, 4);
+  for (std::size_t light = 0; light < lights.size(); ++light) {
+    CHECK(data.candidates(light).size() == 16);
+    for (const std::size_t other : data.candidates(light)) CHECK(angle_radians(lights[light], lights[other]) > 1e-3);
+  }
+  CHECK(data.training_lights().size() + data.validation_lights().size() == lights.size());
+  CHECK(!data.validation_lights().empty());
+
+  // A guide does not change with the picture that it stands for, but for the exposure that all are relative to.
+  const core::OlatScan changed = test::scan_of(
+      lights, size, [&](const Direction& l, int y, int x, int c) { return l == lights[9] ? 0.0 : value(l, y, x, c); });
+  const model::Window window = data.window_around(0, 64);
+  const auto guide = [&](const core::OlatScan& of) {
+    return model::TrainingScan(of, 8, 16, 4).example(9, {1, 2, 3}, window).guide * std::pow(of.exposure(), 1 / 2.2);
+  };
+  CHECK(largest(guide(changed) - guide(scan)) < 1e-4);
+}
+
+}  // namespace lightstage
