@@ -67,7 +67,8 @@ Json settings(std::span<const core::OlatScan> scans, const TrainOptions& options
           {"crop", options.crop},
           {"candidates", options.candidates},
           {"learning_rate", options.learning_rate},
-          {"validate_every", options.validate_every}};
+          {"validate_every", options.validate_every},
+          {"held_out_every", options.held_out_every}};
 }
 
 struct Errors {
