@@ -25,8 +25,7 @@ double saturation_radiance(double responsivity, core::Nanoseconds exposure);
 // and back: radiance = signal / (responsivity * seconds), black level taken off. Vignetting is not undone; values may
 // be slightly below 0, none is above saturation_radiance. With spec.noise off, vignetting, Bayer and clipping
 // remain. The same for the same `noise_seed` on any number of threads. Throws BadInput for other channel counts, bits
-// outside 1 to 24, and an exposure, responsivity or full well that is not positive. O(pixels),
-// about 100 ns a value on one core.
+// outside 1 to 24, and an exposure, responsivity or full well that is not positive.
 core::Image sense(core::ImageView radiance, const SensorSpec& spec, double responsivity, core::Nanoseconds exposure,
                   std::uint64_t noise_seed);
 
