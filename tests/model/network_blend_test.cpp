@@ -1,8 +1,13 @@
 // The network as a function: where it starts, that it is continuous, and that every size and extreme gives a finite picture.
+#include <catch2/catch.hpp>
+
+// torch brings a CHECK of its own, which ends the program.
+#pragma push_macro("CHECK")
+#include <ATen/CPUGeneratorImpl.h>
 #include <ATen/Parallel.h>
 #include <torch/torch.h>
+#pragma pop_macro("CHECK")
 
-#include <catch2/catch.hpp>
 #include <limits>
 #include <thread>
 
@@ -191,7 +196,7 @@ TEST_CASE("images of any size, any mask and any number of channels are rendered"
   for (const ImageSize size : {ImageSize{1, 1, 3}, {3, 41, 3}, {41, 3, 1}, {31, 29, 3}, {2, 2, 4}}) {
     const core::OlatScan scan = busy_scan(size, 20);
     const Image image = model::make_superres(scan, path)->render(query);
-    CHECK(image.size() == ImageSize{size.height, size.width, size.channels == 1 ? 1 : 3});
+    CHECK((image.size() == ImageSize{size.height, size.width, size.channels == 1 ? 1 : 3}));
     CHECK(finite(image));
   }
   for (const std::size_t lights : {1, 2, 5}) {
