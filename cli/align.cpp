@@ -36,13 +36,13 @@ void run_align(const Options& options, Context& context) {
 }  // namespace
 
 void add_align(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand("align", "Undo the subject's motion, by optical flow of the tracking frames");
+  CLI::App* command =
+      program.add_subcommand("align", "Undo the subject's motion, by optical flow of the tracking frames");
   command->footer("Example:\n  lightstage align head");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The scan")->required();
-  const std::map<std::string, align::FlowPreset> presets{{"fast", align::FlowPreset::kFast},
-                                                         {"medium", align::FlowPreset::kMedium},
-                                                         {"fine", align::FlowPreset::kFine}};
+  const std::map<std::string, align::FlowPreset> presets{
+      {"fast", align::FlowPreset::kFast}, {"medium", align::FlowPreset::kMedium}, {"fine", align::FlowPreset::kFine}};
   command->add_option("--flow", options->job.preset, "fast, medium or fine [fine]")
       ->transform(CLI::CheckedTransformer(presets));
   command->callback([options, &context] { run_align(*options, context); });

@@ -5,6 +5,7 @@
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/calibrate.h"
+#include "cli/options.h"
 #include "core/light_list.h"
 
 namespace lightstage::cli {
@@ -59,13 +60,13 @@ void add_calibrate(CLI::App& program, Context& context) {
   command->add_option("--grey", options->grey, "Grey-ball pass, for the lights' brightness and colour");
   command->add_option("--ball-radius", options->ball_radius_mm, "Radius of the mirror ball, millimetres")
       ->capture_default_str()
-      ->check(CLI::Range(5.0, 500.0));
+      ->check(number_between(5.0, 500.0));
   command->add_option("--grey-radius", options->grey_radius_mm, "Radius of the grey ball, millimetres")
       ->capture_default_str()
-      ->check(CLI::Range(5.0, 500.0));
+      ->check(number_between(5.0, 500.0));
   command->add_option("--albedo", options->job.grey_albedo, "Albedo of the grey ball")
       ->capture_default_str()
-      ->check(CLI::Range(0.01, 1.0));
+      ->check(number_between(0.01, 1.0));
   command->add_option("--name", options->job.name, "Name of the calibration");
   command->add_option("--lp", options->lp, "Also write the directions as an RTI .lp file");
   command->callback([options, &context] { run_calibrate(*options, context); });

@@ -7,6 +7,7 @@
 #include "cli/commands.h"
 #include "cli/jobs/mask.h"
 #include "cli/jobs/provenance.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/progress.h"
 #include "db/content_hash.h"
@@ -38,10 +39,14 @@ struct Options {
 
 db::ScanKind scan_kind(sim::SubjectKind subject) {
   switch (subject) {
-    case sim::SubjectKind::kMirrorBall: return db::ScanKind::kMirrorBall;
-    case sim::SubjectKind::kGreyBall: return db::ScanKind::kGreyBall;
-    case sim::SubjectKind::kChessboard: return db::ScanKind::kChessboard;
-    default: return db::ScanKind::kOlat;
+    case sim::SubjectKind::kMirrorBall:
+      return db::ScanKind::kMirrorBall;
+    case sim::SubjectKind::kGreyBall:
+      return db::ScanKind::kGreyBall;
+    case sim::SubjectKind::kChessboard:
+      return db::ScanKind::kChessboard;
+    default:
+      return db::ScanKind::kOlat;
   }
 }
 
@@ -49,8 +54,9 @@ sim::SubjectSpec subject(const Options& options) {
   const int chosen = int(options.procedural_seed.has_value()) + int(!options.mesh.empty()) + int(options.mirror_ball) +
                      int(options.grey_ball) + int(options.chessboard);
   if (chosen != 1) {
-    throw core::UsageError("a simulated capture needs one subject: --procedural SEED, --mesh FILE, --mirror-ball, "
-                           "--grey-ball or --chessboard");
+    throw core::UsageError(
+        "a simulated capture needs one subject: --procedural SEED, --mesh FILE, --mirror-ball, "
+        "--grey-ball or --chessboard");
   }
   sim::SubjectSpec spec;
   spec.seed = options.procedural_seed.value_or(options.seed);
@@ -81,10 +87,13 @@ void resize(core::CameraModel& camera, int size) {
   camera.width = size;
 }
 
-core::Nanoseconds nanoseconds(double milliseconds) { return core::Nanoseconds(std::llround(milliseconds * 1e6)); }
+core::Nanoseconds nanoseconds(double milliseconds) {
+  return core::Nanoseconds(std::llround(milliseconds * 1e6));
+}
 
 CaptureProvenance plan(const Options& options) {
-  if (options.stage_file.empty()) throw core::UsageError("--stage FILE is needed (make one: lightstage stage --out stage.toml)");
+  if (options.stage_file.empty())
+    throw core::UsageError("--stage FILE is needed (make one: lightstage stage --out stage.toml)");
   sim::Simulation simulation;
   simulation.subject = subject(options);
   simulation.stage = capture::read_stage(options.stage_file);
@@ -184,15 +193,17 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_flag("--chessboard", options->chessboard, "Subject: a chessboard");
   command->add_option("--ball-radius", options->ball_radius_mm, "Radius of the ball, millimetres")
       ->capture_default_str()
-      ->check(CLI::Range(5.0, 500.0));
+      ->check(number_between(5.0, 500.0));
   command->add_option("--yaw", options->yaw_degrees, "Turn the subject, degrees")->capture_default_str();
   command->add_option("--size", options->size, "Picture width and height, pixels [the stage file's]")
       ->check(CLI::Range(16, 16384));
   command->add_option("--tracking-every", options->tracking_every, "A tracking frame before every n-th light; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0, 100000));
-  command->add_option("--exposure", options->exposure_ms, "Exposure of the single lights, milliseconds [20; mirror ball 0.01]")
-      ->check(CLI::Range(0.0001, 10000.0));
+  command
+      ->add_option("--exposure", options->exposure_ms,
+                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01]")
+      ->check(number_between(0.0001, 10000.0));
   command->add_flag("--no-noise", options->no_noise, "A sensor without noise and quantisation");
   command->add_flag("--no-motion", options->no_motion, "A subject that stands still");
   command->add_flag("--bounce", options->bounce, "One bounce of indirect light");

@@ -64,8 +64,8 @@ struct Results {
   std::vector<HtmlPage::Figure> relit;
 };
 
-void relight(Script& script, Results& results, const fs::path& folder, const std::string& name, const std::string& caption,
-             const std::vector<std::string>& light) {
+void relight(Script& script, Results& results, const fs::path& folder, const std::string& name,
+             const std::string& caption, const std::vector<std::string>& light) {
   for (const std::string method : {"superres", "rbf", "linear"}) {
     const std::string file = name + "_" + method + ".exr";
     std::vector<std::string> arguments{"relight", "head", "--method", method, "--out", (folder / file).string()};
@@ -81,11 +81,12 @@ Results main_job(Script& script, const fs::path& out, const Scale& scale) {
   const std::string model = (out / "head.safetensors").string();
   Results results;
   script.run({"init"});
-  script.run({"stage", "--layout", "geodesic", "--lights", "170", "--mount-error", "1", "--gain-spread", "0.05", "--out", stage});
+  script.run({"stage", "--layout", "geodesic", "--lights", "170", "--mount-error", "1", "--gain-spread", "0.05",
+              "--out", stage});
   script.run({"capture", "--sim", "--mirror-ball", "--stage", stage, "--size", scale.ball_size, "--name", "ball"});
   script.run({"capture", "--sim", "--grey-ball", "--stage", stage, "--size", "128", "--name", "grey"});
-  results.capture = script.run({"capture", "--sim", "--procedural", "7", "--stage", stage, "--size", scale.size, "--drop",
-                                "60", "--name", "head"});
+  results.capture = script.run({"capture", "--sim", "--procedural", "7", "--stage", stage, "--size", scale.size,
+                                "--drop", "60", "--name", "head"});
   results.verify = script.run({"store", "verify"});
   script.run({"calibrate", "ball", "--grey", "grey", "--lp", (out / "calibrated.lp").string()});
   script.run({"align", "head"});
@@ -97,7 +98,8 @@ Results main_job(Script& script, const fs::path& out, const Scale& scale) {
   script.run({"superres", "head", "--lights", scale.dense_lights, "--method", "superres", "--model", model, "--out",
               "head-dense"});
   relight(script, results, out, "directional", "one light between the stage's", {"--light", "35,25"});
-  relight(script, results, out, "area", "an area light of 12 degrees' radius", {"--light", "-40,30", "--radius", "12", "--samples", "32"});
+  relight(script, results, out, "area", "an area light of 12 degrees' radius",
+          {"--light", "-40,30", "--radius", "12", "--samples", "32"});
   script.run({"sky", "--sun", "50,35", "--out", (out / "sky.exr").string()});
   relight(script, results, out, "sky", "a clear sky with sun",
           {"--env", (out / "sky.exr").string(), "--virtual-lights", scale.environment_lights});
@@ -121,9 +123,12 @@ std::string verdict(const ordered_json& methods) {
 
 std::string report_page(const Results& results, const Script& script, double seconds) {
   HtmlPage page("Lightstage demonstration");
-  page.paragraph("A simulated light stage was captured, calibrated from a mirror ball and a grey ball, aligned, "
-                 "super-resolved and relit in " + fixed(seconds, 0) + " s. The errors below compare with noise-free renderings "
-                 "of directions where no light stands, which no real stage could give.");
+  page.paragraph(
+      "A simulated light stage was captured, calibrated from a mirror ball and a grey ball, aligned, "
+      "super-resolved and relit in " +
+      fixed(seconds, 0) +
+      " s. The errors below compare with noise-free renderings "
+      "of directions where no light stands, which no real stage could give.");
   const ordered_json& methods = results.evaluation["methods"];
   page.heading("Which method won");
   page.paragraph(verdict(methods));
@@ -132,12 +137,14 @@ std::string report_page(const Results& results, const Script& script, double sec
   for (std::size_t i = 0; i < methods.size(); ++i) {
     const ordered_json& m = methods[i];
     if (m["rmse"].get<double>() < methods[best]["rmse"].get<double>()) best = i;
-    rows.push_back({m["name"].get<std::string>(), std::to_string(m["images"].get<int>()), fixed(m["rmse"].get<double>(), 4),
-                    fixed(m["h1"].get<double>(), 4), fixed(m["dssim"].get<double>(), 4),
-                    fixed(m["seconds_per_image"].get<double>(), 4)});
+    rows.push_back({m["name"].get<std::string>(), std::to_string(m["images"].get<int>()),
+                    fixed(m["rmse"].get<double>(), 4), fixed(m["h1"].get<double>(), 4),
+                    fixed(m["dssim"].get<double>(), 4), fixed(m["seconds_per_image"].get<double>(), 4)});
   }
   page.table(rows, best + 1);
-  page.paragraph("Display-encoded values over the subject; lower is better. The network was trained for minutes on this very scan.");
+  page.paragraph(
+      "Display-encoded values over the subject; lower is better. The network was trained for minutes on this very "
+      "scan.");
   page.figures({{"contact_sheet.png", "Truth, methods, and their differences from the truth, four times enlarged"}});
 
   page.heading("Relit");
@@ -155,8 +162,9 @@ std::string report_page(const Results& results, const Script& script, double sec
               {"light directions, 95 %", fixed(calibration["p95_deg"].get<double>(), 3) + " degrees"},
               {"light gains, median error", fixed(100 * calibration["median_gain_error"].get<double>(), 2) + " %"},
               {"motion found, median end-point error", fixed(alignment["median_epe_px"].get<double>(), 3) + " px"},
-              {"PSNR of frames before and after alignment", fixed(alignment["psnr_unaligned_db"].get<double>(), 1) + " and " +
-                                                                fixed(alignment["psnr_aligned_db"].get<double>(), 1) + " dB"}});
+              {"PSNR of frames before and after alignment",
+               fixed(alignment["psnr_unaligned_db"].get<double>(), 1) + " and " +
+                   fixed(alignment["psnr_aligned_db"].get<double>(), 1) + " dB"}});
   page.heading("The commands");
   page.code(script.lines());
   return page.finish();
@@ -196,7 +204,8 @@ void run_demo(const Options& options, Context& context) {
 }  // namespace
 
 void add_demo(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand("demo", "The whole job on a simulated stage, as a script of the other commands");
+  CLI::App* command =
+      program.add_subcommand("demo", "The whole job on a simulated stage, as a script of the other commands");
   command->footer("Example:\n  lightstage demo --out demo");
   auto options = std::make_shared<Options>();
   command->add_option("--out", options->out, "Folder for store, pictures and report")->capture_default_str();

@@ -51,27 +51,29 @@ void run_doctor(Context& context) {
   for (const capture::DeviceSeen& device : devices) {
     rows.push_back({device.kind, device.path + (device.accessible ? "" : "  (no permission)")});
     device_list.push_back({{"kind", device.kind}, {"path", device.path}, {"accessible", device.accessible}});
-    if (!device.accessible) problems += device.path + ": no permission; join the group that owns it, or add a udev rule.\n";
+    if (!device.accessible)
+      problems += device.path + ": no permission; join the group that owns it, or add a udev rule.\n";
   }
   if (devices.empty()) rows.push_back({"devices", "no cameras (/dev/video*) or GPIO chips (/dev/gpiochip*) seen"});
   // Left-aligned text reads better here than the numbers' right alignment.
   std::string text;
-  for (const auto& row : rows) text += row[0] + std::string(row[0].size() < 10 ? 10 - row[0].size() : 1, ' ') + row[1] + "\n";
-  context.result(text + (problems.empty() ? "no problems found\n" : problems),
-                 {{"version", core::kVersion},
-                  {"threads", core::thread_count()},
-                  {"torch", engine.torch_version},
-                  {"blas", engine.blas},
-                  {"fast_blas", engine.fast_blas},
-                  {"cpu", cpu_features()},
-                  {"devices", device_list},
-                  {"ok", problems.empty()}});
+  for (const auto& row : rows)
+    text += row[0] + std::string(row[0].size() < 10 ? 10 - row[0].size() : 1, ' ') + row[1] + "\n";
+  context.result(text + (problems.empty() ? "no problems found\n" : problems), {{"version", core::kVersion},
+                                                                                {"threads", core::thread_count()},
+                                                                                {"torch", engine.torch_version},
+                                                                                {"blas", engine.blas},
+                                                                                {"fast_blas", engine.fast_blas},
+                                                                                {"cpu", cpu_features()},
+                                                                                {"devices", device_list},
+                                                                                {"ok", problems.empty()}});
 }
 
 }  // namespace
 
 void add_doctor(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand("doctor", "What this machine offers: libraries, threads, processor, devices");
+  CLI::App* command =
+      program.add_subcommand("doctor", "What this machine offers: libraries, threads, processor, devices");
   command->footer("Example:\n  lightstage doctor --json");
   command->callback([&context] { run_doctor(context); });
 }

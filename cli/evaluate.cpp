@@ -78,8 +78,10 @@ void warn_if_seen_in_training(const Options& options, const std::vector<MethodCh
         ordered_json::parse(model::read_checkpoint_info(choice.options.model_file).provenance, nullptr, false);
     const int held_out_every = provenance.is_object() ? provenance.value("held_out_every", 0) : 0;
     if (held_out_every == 0 || options.every % held_out_every != 0) {
-      core::warn("superres may have been trained on the lights held out here: its errors are flattered; train with "
-                 "--hold-out-every " + std::to_string(options.every));
+      core::warn(
+          "superres may have been trained on the lights held out here: its errors are flattered; train with "
+          "--hold-out-every " +
+          std::to_string(options.every));
     }
   }
 }
@@ -128,8 +130,9 @@ std::vector<std::size_t> shown_rows(std::span<const core::Image> truth, std::siz
 }
 
 // Truth, methods and differences.
-void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan, const std::vector<MethodChoice>& choices,
-                 std::span<const core::Direction> directions, std::span<const core::Image> truth, bool linear) {
+void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan,
+                 const std::vector<MethodChoice>& choices, std::span<const core::Direction> directions,
+                 std::span<const core::Image> truth, bool linear) {
   constexpr std::size_t kRows = 4;
   constexpr double kDifferenceGain = 4;
   std::vector<std::unique_ptr<model::LightInterpolator>> interpolators;
@@ -143,7 +146,8 @@ void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan, 
                                                  fixed(directions[i].latitude_degrees(), 0) + " deg"}};
     std::vector<SheetCell> differences;
     for (const auto& interpolator : interpolators) {
-      const core::Image shown = core::to_rgb(model::judged(interpolator->render(directions[i]), scan.exposure(), linear));
+      const core::Image shown =
+          core::to_rgb(model::judged(interpolator->render(directions[i]), scan.exposure(), linear));
       differences.push_back({difference_picture(shown, shown_truth, kDifferenceGain),
                              std::string(interpolator->name()) + " error x" + fixed(kDifferenceGain, 0)});
       row.push_back({shown, std::string(interpolator->name())});
@@ -169,8 +173,8 @@ void evaluate_off_grid(const Options& options, const db::Store& store, const db:
   core::note("rendering the truth for " + std::to_string(directions.size()) + " directions");
   const std::vector<core::Image> truth = simulated.render(directions);
   const auto scores =
-      model::evaluate_against_truth(loaded.scan, factories(choices), directions, [&](std::size_t i) { return truth[i]; },
-                                    {.linear_values = options.linear});
+      model::evaluate_against_truth(loaded.scan, factories(choices), directions,
+                                    [&](std::size_t i) { return truth[i]; }, {.linear_values = options.linear});
   if (!options.sheet.empty()) write_sheet(options.sheet, loaded.scan, choices, directions, truth, options.linear);
   report_scores(options, context, "off-grid", scores);
 }
@@ -179,35 +183,37 @@ void evaluate_held_out(const Options& options, const db::Store& store, const db:
   if (!options.sheet.empty()) throw core::UsageError("--sheet goes with --off-grid");
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
   warn_if_seen_in_training(options, choices);
-  report_scores(options, context, "held-out",
-                model::evaluate_held_out(loaded.scan, factories(choices), options.every, {.linear_values = options.linear}));
+  report_scores(
+      options, context, "held-out",
+      model::evaluate_held_out(loaded.scan, factories(choices), options.every, {.linear_values = options.linear}));
 }
 
 void evaluate_accuracy(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const SimulatedTruth truth(store, options.name, {});
   const auto calibration = truth.calibration_error(loaded);
   const auto alignment = truth.alignment_error(store, loaded.scan.exposure());
-  context.result(
-      "'" + options.name + "' against the simulator's truth\n" +
-          table({{"light directions", fixed(calibration.median_degrees, 3) + " deg median",
-                  fixed(calibration.p95_degrees, 3) + " deg 95 %", fixed(calibration.largest_degrees, 3) + " deg at most"},
-                 {"light gains", fixed(100 * calibration.median_gain_error, 2) + " % median"},
-                 {"alignment", fixed(alignment.median_epe_px, 3) + " px median", fixed(alignment.p95_epe_px, 3) + " px 95 %"},
-                 {"PSNR", fixed(alignment.psnr_unaligned_db, 2) + " dB unaligned",
-                  fixed(alignment.psnr_aligned_db, 2) + " dB aligned"}}),
-      {{"scan", options.name},
-       {"calibration",
-        {{"lights", calibration.lights},
-         {"median_deg", calibration.median_degrees},
-         {"p95_deg", calibration.p95_degrees},
-         {"largest_deg", calibration.largest_degrees},
-         {"median_gain_error", calibration.median_gain_error}}},
-       {"alignment",
-        {{"frames", alignment.frames},
-         {"median_epe_px", alignment.median_epe_px},
-         {"p95_epe_px", alignment.p95_epe_px},
-         {"psnr_unaligned_db", alignment.psnr_unaligned_db},
-         {"psnr_aligned_db", alignment.psnr_aligned_db}}}});
+  context.result("'" + options.name + "' against the simulator's truth\n" +
+                     table({{"light directions", fixed(calibration.median_degrees, 3) + " deg median",
+                             fixed(calibration.p95_degrees, 3) + " deg 95 %",
+                             fixed(calibration.largest_degrees, 3) + " deg at most"},
+                            {"light gains", fixed(100 * calibration.median_gain_error, 2) + " % median"},
+                            {"alignment", fixed(alignment.median_epe_px, 3) + " px median",
+                             fixed(alignment.p95_epe_px, 3) + " px 95 %"},
+                            {"PSNR", fixed(alignment.psnr_unaligned_db, 2) + " dB unaligned",
+                             fixed(alignment.psnr_aligned_db, 2) + " dB aligned"}}),
+                 {{"scan", options.name},
+                  {"calibration",
+                   {{"lights", calibration.lights},
+                    {"median_deg", calibration.median_degrees},
+                    {"p95_deg", calibration.p95_degrees},
+                    {"largest_deg", calibration.largest_degrees},
+                    {"median_gain_error", calibration.median_gain_error}}},
+                  {"alignment",
+                   {{"frames", alignment.frames},
+                    {"median_epe_px", alignment.median_epe_px},
+                    {"p95_epe_px", alignment.p95_epe_px},
+                    {"psnr_unaligned_db", alignment.psnr_unaligned_db},
+                    {"psnr_aligned_db", alignment.psnr_aligned_db}}}});
 }
 
 void run_evaluate(const Options& options, Context& context) {
@@ -249,10 +255,12 @@ void add_evaluate(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 100000));
   command->add_option("--seed", options->seed, "Off grid: seed of the directions")->capture_default_str();
   command->add_flag("--linear", options->linear, "Judge linear values instead of display-encoded ones");
-  command->add_option("--sheet", options->sheet, "Off grid: write a contact sheet of truth, methods and differences (.png)");
+  command->add_option("--sheet", options->sheet,
+                      "Off grid: write a contact sheet of truth, methods and differences (.png)");
   add_method_options(*command, options->method);
-  command->get_option("--method")->description(
-      "Methods, separated by commas: nearest, linear, rbf, superres [all; superres if the scan has a model]");
+  command->get_option("--method")
+      ->description(
+          "Methods, separated by commas: nearest, linear, rbf, superres [all; superres if the scan has a model]");
   command->callback([options, &context] { run_evaluate(*options, context); });
 }
 

@@ -14,17 +14,24 @@ using Reader = db::PictureSet (*)(const std::filesystem::path&);
 
 struct Format {
   const char* name;
+  const char* example;
   const char* help;
   const char* path_help;
   Reader read;
 };
 
 constexpr Format kFormats[] = {
-    {"lp", "RTI: an .lp file of pictures and light directions", "The .lp file", db::read_lp_set},
-    {"diligent", "A folder with filenames.txt, light_directions.txt, light_intensities.txt, mask.png", "The folder",
+    {"lp", "lightstage import lp dome/dirs.lp --name lion", "RTI: an .lp file of pictures and light directions",
+     "The .lp file", db::read_lp_set},
+    {"diligent", "lightstage import diligent bearPNG --name bear",
+     "A folder with filenames.txt, light_directions.txt, light_intensities.txt, mask.png", "The folder",
      db::read_diligent_set},
-    {"yale", "A folder of the Extended Yale Face Database B", "The folder", db::read_yale_set},
-    {"csv", "A CSV file with columns file and x,y,z or longitude,latitude; optional r,g,b or intensity",
+    {"yale", "lightstage import yale yaleB02 --name face", "A folder of the Extended Yale Face Database B",
+     "The folder", db::read_yale_set},
+    {"csv",
+     "lightstage import csv photos/lights.csv --name mine        (lights.csv: file,x,y,z then p1.png,0,0.5,1 and so "
+     "on)",
+     "A CSV file with columns file and x,y,z or longitude,latitude; optional r,g,b or intensity",
      "The CSV file, or a folder with one lights.csv", db::read_csv_set},
 };
 
@@ -69,11 +76,13 @@ void add_import(CLI::App& program, Context& context) {
   for (const Format& format : kFormats) {
     CLI::App* reader = command->add_subcommand(format.name, format.help);
     reader->fallthrough();
+    reader->footer(std::string("Example:\n  ") + format.example);
     auto options = std::make_shared<Options>();
     reader->add_option("PATH", options->path, format.path_help)->required();
     reader->add_option("--name", options->name, "Name of the new scan")->required();
-    reader->add_option("--encoding", options->encoding,
-                       "linear or srgb: what the files' numbers are [what is usual for the format]")
+    reader
+        ->add_option("--encoding", options->encoding,
+                     "linear or srgb: what the files' numbers are [what is usual for the format]")
         ->transform(CLI::CheckedTransformer(encodings));
     reader->callback([&format, options, &context] { run_import(format, *options, context); });
   }

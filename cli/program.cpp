@@ -7,17 +7,18 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/error.h"
-#include "core/text.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "core/text.h"
 #include "core/version.h"
 
 namespace lightstage::cli {
 
 void Context::result(const std::string& text, const nlohmann::ordered_json& object) const {
   if (json) {
-    out_ << object.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace) << std::endl;
+    out_ << json_text(object) << std::endl;
   } else {
     out_ << text << std::flush;
   }
@@ -109,6 +110,7 @@ void run_or_throw(const std::vector<std::string>& arguments, std::ostream& out) 
   program.fallthrough();
   program.require_subcommand(1);
   program.parse_complete_callback([&context] {
+    if (context.store_folder.empty()) throw core::UsageError("--store needs a folder");
     core::set_quiet(context.quiet);
     core::set_thread_count(context.threads);
   });
@@ -120,21 +122,38 @@ void run_or_throw(const std::vector<std::string>& arguments, std::ostream& out) 
   } catch (const CLI::CallForVersion& version) {
     out << version.what() << "\n";
   } catch (const CLI::CallForHelp&) {
-    out << named_command(program)->help();
+    out << program.help();  // of the innermost command, with its full name
   } catch (const CLI::ParseError& error) {
     throw_usage_error(program, error);
   }
 }
+
+namespace {
+
+// Names that users give may hold anything; a message is one line all the same.
+std::string on_one_line(const std::string& message) {
+  std::string line;
+  for (const char c : message) {
+    if (c == '\n') {
+      line += "\\n";
+    } else {
+      line += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
+    }
+  }
+  return line;
+}
+
+}  // namespace
 
 int run(const std::vector<std::string>& arguments, std::ostream& out) {
   try {
     run_or_throw(arguments, out);
     return 0;
   } catch (const core::Error& error) {
-    std::cerr << "lightstage: " << error.what() << "\n";
+    std::cerr << "lightstage: " << on_one_line(error.what()) << "\n";
     return core::exit_code(error.kind());
   } catch (const std::exception& error) {
-    std::cerr << "lightstage: internal error: " << error.what() << "\n";
+    std::cerr << "lightstage: internal error: " << on_one_line(error.what()) << "\n";
     return core::exit_code(core::ErrorKind::kInternal);
   }
 }

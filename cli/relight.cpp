@@ -5,6 +5,7 @@
 #include "cli/format.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/progress.h"
 #include "relight/picture.h"
@@ -27,12 +28,12 @@ struct Options {
   MethodChoice method;
 };
 
-relight::RelightReport relit(const Options& options, const model::LightInterpolator& interpolator) {
-  if (!options.light.empty()) {
-    const core::Direction direction = core::parse_direction(options.light);
+relight::RelightReport relit(const Options& options, const std::optional<core::Direction>& light,
+                             const model::LightInterpolator& interpolator) {
+  if (light) {
     return options.radius_degrees > 0
-               ? relight::relight_area(interpolator, direction, options.radius_degrees, options.samples)
-               : relight::relight_direction(interpolator, direction);
+               ? relight::relight_area(interpolator, *light, options.radius_degrees, options.samples)
+               : relight::relight_direction(interpolator, *light);
   }
   const relight::Environment environment = relight::Environment::read(options.environment);
   if (environment.negative_values() > 0) {
@@ -48,6 +49,11 @@ void run_relight(Options options, Context& context) {
   if (options.light.empty() == options.environment.empty()) {
     throw core::UsageError("give one light: --light x,y,z, or --env FILE");
   }
+  // What is wrong with the command line is said before a large scan is read.
+  std::optional<core::Direction> light;
+  if (!options.light.empty()) light = direction_option("--light", options.light);
+  if (options.out.extension() != ".exr")
+    throw core::UsageError("--out: '" + options.out.string() + "' must end in .exr");
   // An environment is a sum of very many lights, and light adds up linearly: display values would not.
   if (!options.environment.empty()) options.method.options.domain = model::Domain::kLinear;
   db::Store store = context.open_store();
@@ -55,7 +61,7 @@ void run_relight(Options options, Context& context) {
   const MethodChoice choice = resolve(options.method, store, scan.id);
   const db::LoadedScan source = load_scan(store, options.name);
   const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
-  const relight::RelightReport report = relit(options, *interpolator);
+  const relight::RelightReport report = relit(options, light, *interpolator);
 
   const double stops = options.exposure_stops.value_or(relight::auto_exposure_stops(report.image, source.scan.mask()));
   const relight::WrittenPicture written = relight::write_picture(options.out, report.image, stops);
@@ -67,15 +73,14 @@ void run_relight(Options options, Context& context) {
   for (const auto& input : {source.calibration_id, source.alignment_id, source.mask_id}) {
     if (input) picture.input_products.push_back(*input);
   }
-  picture.parameters = nlohmann::ordered_json{{"light", options.light},
-                                              {"radius_deg", options.radius_degrees},
-                                              {"environment", options.environment.string()},
-                                              {"rotate_deg", options.rotate_degrees},
-                                              {"method", choice.method},
-                                              {"model", choice.options.model_file.string()},
-                                              {"stops", stops},
-                                              {"file", std::filesystem::absolute(written.exr).string()}}
-                           .dump();
+  picture.parameters = json_text({{"light", options.light},
+                                  {"radius_deg", options.radius_degrees},
+                                  {"environment", options.environment.string()},
+                                  {"rotate_deg", options.rotate_degrees},
+                                  {"method", choice.method},
+                                  {"model", choice.options.model_file.string()},
+                                  {"stops", stops},
+                                  {"file", std::filesystem::absolute(written.exr).string()}});
   store.add_product(picture);
   context.result("relit '" + options.name + "' by " + choice.method + " from " +
                      std::to_string(report.directions_synthesised) + " synthesised pictures in " +
@@ -93,7 +98,8 @@ void run_relight(Options options, Context& context) {
 }  // namespace
 
 void add_relight(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand("relight", "A picture of the subject under a light, an area light or an environment");
+  CLI::App* command =
+      program.add_subcommand("relight", "A picture of the subject under a light, an area light or an environment");
   command->footer(
       "Examples:\n"
       "  lightstage relight head --light 0.3,0.5,0.8 --out key.exr\n"
@@ -104,18 +110,20 @@ void add_relight(CLI::App& program, Context& context) {
   command->add_option("--light", options->light, "Direction to the light: x,y,z or longitude,latitude in degrees");
   command->add_option("--radius", options->radius_degrees, "Angular radius of the light, degrees")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 180.0));
+      ->check(number_between(0.0, 180.0));
   command->add_option("--samples", options->samples, "Directions that stand for an area light")
       ->capture_default_str()
       ->check(CLI::Range(1, 100000));
   command->add_option("--env", options->environment, "Lat-long environment map (EXR or HDR)");
   command->add_option("--rotate", options->rotate_degrees, "Turn the environment about the vertical, degrees")
       ->capture_default_str();
-  command->add_option("--virtual-lights", options->virtual_lights,
-                      "Directions that stand for an environment, for methods that are not linear in the captured pictures")
+  command
+      ->add_option("--virtual-lights", options->virtual_lights,
+                   "Directions that stand for an environment, for methods that are not linear in the captured pictures")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
-  command->add_option("--exposure", options->exposure_stops, "Stops for the PNG [so that the bright parts just fit]");
+  command->add_option("--exposure", options->exposure_stops, "Stops for the PNG [so that the bright parts just fit]")
+      ->check(number_between(-60, 60));
   command->add_option("--out", options->out, "The .exr to write; a .png comes beside it")->required();
   add_method_options(*command, options->method);
   command->callback([options, &context] { run_relight(*options, context); });

@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/image_file.h"
 #include "relight/sky.h"
 
@@ -21,12 +22,14 @@ void add_sky(CLI::App& program, Context& context) {
   command->add_option("--height", options->sky.height, "Height of the map, pixels; it is twice as wide")
       ->capture_default_str()
       ->check(CLI::Range(8, 8192));
-  command->add_option("--sun-to-sky", options->sky.sun_to_sky, "How much brighter the sun lights a surface than the sky does")
+  command
+      ->add_option("--sun-to-sky", options->sky.sun_to_sky,
+                   "How much brighter the sun lights a surface than the sky does")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1e6));
+      ->check(number_between(0.0, 1e6));
   command->add_option("--out", options->out, "The .exr or .hdr to write")->required();
   command->callback([options, &context] {
-    options->sky.sun = core::parse_direction(options->sun);
+    options->sky.sun = direction_option("--sun", options->sun);
     core::write_image(options->out, relight::clear_sky(options->sky).radiance());
     context.result("wrote " + options->out.string() + "\n", {{"file", options->out.string()}});
   });

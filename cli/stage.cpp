@@ -3,6 +3,7 @@
 
 #include "capture/stage.h"
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "core/file.h"
 
 namespace lightstage::cli {
@@ -45,22 +46,25 @@ void add_stage(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 100000));
   command->add_option("--radius", options->stage.radius_m, "Distance of the lights from the centre, metres")
       ->capture_default_str()
-      ->check(CLI::Range(0.2, 100.0));
+      ->check(number_between(0.2, 100.0));
   command->add_option("--cameras", options->stage.cameras, "Number of cameras")
       ->capture_default_str()
       ->check(CLI::Range(1, 16));
-  command->add_option("--bottom-hole", options->stage.bottom_hole_degrees,
-                      "Half-angle without lights about straight down, degrees")
+  command
+      ->add_option("--bottom-hole", options->stage.bottom_hole_degrees,
+                   "Half-angle without lights about straight down, degrees")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 120.0));
-  command->add_option("--mount-error", options->simulation.mount_error_degrees,
-                      "Simulation: how far lights hang from where they are drawn, degrees (standard deviation)")
+      ->check(number_between(0.0, 120.0));
+  command
+      ->add_option("--mount-error", options->simulation.mount_error_degrees,
+                   "Simulation: how far lights hang from where they are drawn, degrees (standard deviation)")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 10.0));
-  command->add_option("--gain-spread", options->simulation.gain_spread,
-                      "Simulation: relative spread of the lights' brightness and colour")
+      ->check(number_between(0.0, 10.0));
+  command
+      ->add_option("--gain-spread", options->simulation.gain_spread,
+                   "Simulation: relative spread of the lights' brightness and colour")
       ->capture_default_str()
-      ->check(CLI::Range(0.0, 1.0));
+      ->check(number_between(0.0, 1.0));
   command->add_option("--dead", options->simulation.dead_lights, "Simulation: lights that stay dark, by index");
   command->add_option("--seed", options->simulation.seed, "Simulation: seed of the above")->capture_default_str();
   command->add_option("--out", options->out, "The stage file to write")->required();

@@ -35,22 +35,18 @@ void list(Context& context) {
 void show(const std::string& name, Context& context) {
   const db::Store store = context.open_store();
   const db::Scan scan = store.scan(name);
-  ordered_json object{{"name", scan.name},
-                      {"kind", db::to_string(scan.kind)},
-                      {"created", scan.created_utc},
-                      {"program_version", scan.program_version},
-                      {"stage", scan.stage_key},
-                      {"cameras", scan.cameras},
-                      {"steps", scan.steps.size()},
-                      {"frames", store.frames(scan.id).size()}};
+  ordered_json object{{"name", scan.name},           {"kind", db::to_string(scan.kind)},
+                      {"created", scan.created_utc}, {"program_version", scan.program_version},
+                      {"stage", scan.stage_key},     {"cameras", scan.cameras},
+                      {"steps", scan.steps.size()},  {"frames", store.frames(scan.id).size()}};
   std::string text = scan.name + ": " + std::string(db::to_string(scan.kind)) + ", made " + scan.created_utc +
                      " by version " + scan.program_version + "\n  " + std::to_string(scan.steps.size()) + " steps, " +
                      std::to_string(store.frames(scan.id).size()) + " frames\n";
   ordered_json products = ordered_json::array();
   for (const char* kind : {"mask", "alignment", "weights", "picture", "virtual_stage"}) {
     for (const db::Product& product : store.products(kind)) {
-      const bool about = product.scan_id == scan.id ||
-                         std::find(product.input_scans.begin(), product.input_scans.end(), scan.id) != product.input_scans.end();
+      const bool about = product.scan_id == scan.id || std::find(product.input_scans.begin(), product.input_scans.end(),
+                                                                 scan.id) != product.input_scans.end();
       if (!about) continue;
       text += "  " + product.kind + (product.name.empty() ? "" : " '" + product.name + "'") + ", made " +
               product.created_utc + " " + product.parameters + "\n";
@@ -104,7 +100,8 @@ void add_store(CLI::App& program, Context& context) {
   one->add_option("SCAN", *name, "The scan")->required();
   one->callback([name, &context] { show(*name, context); });
 
-  CLI::App* check = command->add_subcommand("verify", "Check every row and every object, and the step tables against the pictures");
+  CLI::App* check =
+      command->add_subcommand("verify", "Check every row and every object, and the step tables against the pictures");
   check->fallthrough();
   check->callback([&context] { verify(context); });
 

@@ -6,6 +6,7 @@
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/jobs/superres.h"
+#include "cli/options.h"
 #include "core/version.h"
 #include "db/content_hash.h"
 
@@ -39,7 +40,7 @@ void run_superres(const Options& options, Context& context) {
 
   const std::vector<core::Direction> directions = virtual_directions(source.scan.directions(), options.lights);
   const SuperresReport report =
-      superres(store, source, scan, *interpolator, parameters.dump(), directions, options.out);
+      superres(store, source, scan, *interpolator, json_text(parameters), directions, options.out);
   context.result("made '" + options.out + "': " + std::to_string(report.lights) + " lights by " + choice.method + ", " +
                      fixed(report.seconds_per_image, 3) + " s an image\n",
                  {{"scan", options.out},
@@ -54,7 +55,8 @@ void run_superres(const Options& options, Context& context) {
 
 void add_superres(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("superres", "Make a scan with more lights than the stage has");
-  command->footer("Example:\n  lightstage superres head --lights 1024 --method superres --model head.safetensors --out head-dense");
+  command->footer(
+      "Example:\n  lightstage superres head --lights 1024 --method superres --model head.safetensors --out head-dense");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The captured or imported scan")->required();
   command->add_option("--out", options->out, "Name of the new scan")->required();

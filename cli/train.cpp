@@ -6,6 +6,7 @@
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/scans.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "db/content_hash.h"
 #include "model/training.h"
@@ -54,16 +55,16 @@ void run_train(Options options, Context& context) {
 
   const std::filesystem::path file = std::filesystem::canonical(options.out);
   const double validation = report.curve.empty() ? 0 : report.curve.back().validation;
-  product.parameters = nlohmann::ordered_json{{"file", file.string()},
-                                              {"hash", db::hash_file(file).hex()},
-                                              {"preset", options.preset},
-                                              {"steps", report.steps},
-                                              {"held_out_every", options.hold_out_every}}
-                           .dump();
+  product.parameters = json_text({{"file", file.string()},
+                                  {"hash", db::hash_file(file).hex()},
+                                  {"preset", options.preset},
+                                  {"steps", report.steps},
+                                  {"held_out_every", options.hold_out_every}});
   store.add_product(product);
-  std::string text = "trained " + std::to_string(report.parameters) + " parameters for " + std::to_string(report.steps) +
-                     " steps in " + fixed(report.seconds, 0) + " s; validation error " + fixed(validation, 4) +
-                     ", linear blending " + fixed(report.linear_validation, 4) + "\nwrote " + options.out.string() + "\n";
+  std::string text = "trained " + std::to_string(report.parameters) + " parameters for " +
+                     std::to_string(report.steps) + " steps in " + fixed(report.seconds, 0) + " s; validation error " +
+                     fixed(validation, 4) + ", linear blending " + fixed(report.linear_validation, 4) + "\nwrote " +
+                     options.out.string() + "\n";
   if (report.stopped_by_nan) text += "stopped early: the loss was not finite; the file holds the last good weights\n";
   context.result(text, {{"model", options.out.string()},
                         {"steps", report.steps},
@@ -87,7 +88,7 @@ void add_train(CLI::App& program, Context& context) {
   command->add_option("SCAN", options->scans, "Scans to learn from")->required();
   command->add_option("--out", options->out, "The model file to write (.safetensors)")->required();
   command->add_option("--preset", options->preset, "Size of the network: tiny or small")->capture_default_str();
-  command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(CLI::Range(0.01, 1e5));
+  command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
   command->add_option("--steps", options->train.steps, "Train for so many steps instead")
       ->check(CLI::Range(std::int64_t(1), std::int64_t(1) << 40));
   command->add_option("--crop", options->train.crop, "Side of the training crops, pixels")
@@ -95,10 +96,11 @@ void add_train(CLI::App& program, Context& context) {
       ->check(CLI::Range(16, 4096));
   command->add_option("--learning-rate", options->train.learning_rate, "Of Adam, at the start")
       ->capture_default_str()
-      ->check(CLI::Range(1e-8, 1.0));
+      ->check(number_between(1e-8, 1.0));
   command->add_option("--seed", options->train.seed, "Seed of weights and draws")->capture_default_str();
-  command->add_option("--hold-out-every", options->hold_out_every,
-                      "Never show the network lights 0, n, 2n, ..., so that `evaluate --held-out --every n` is fair")
+  command
+      ->add_option("--hold-out-every", options->hold_out_every,
+                   "Never show the network lights 0, n, 2n, ..., so that `evaluate --held-out --every n` is fair")
       ->check(CLI::Range(2, 1000));
   command->add_option("--resume", options->train.resume, "Go on from this checkpoint");
   command->callback([options, &context] { run_train(*options, context); });

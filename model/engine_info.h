@@ -7,8 +7,8 @@ namespace lightstage::model {
 
 struct EngineInfo {
   std::string torch_version;
-  std::string blas;       // the shared library that serves matrix products, as loaded
-  bool fast_blas = false;   // OpenBLAS or MKL; the reference BLAS is some 20 times slower
+  std::string blas;        // the shared library that serves matrix products, as loaded
+  bool fast_blas = false;  // OpenBLAS or MKL; the reference BLAS is some 20 times slower
 };
 
 EngineInfo engine_info();

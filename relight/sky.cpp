@@ -12,8 +12,8 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 constexpr double kSunRadius = 0.53 / 2 * kPi / 180;
-constexpr core::Vec3 kSkyColour{0.62, 0.86, 1.42};   // about 12000 K, luminance near 1
-constexpr core::Vec3 kSunColour{1.28, 0.96, 0.68};   // about 4500 K, low sun
+constexpr core::Vec3 kSkyColour{0.62, 0.86, 1.42};  // about 12000 K, luminance near 1
+constexpr core::Vec3 kSunColour{1.28, 0.96, 0.68};  // about 4500 K, low sun
 
 // ISO 15469, equation 1 with the parameters of sky type 12: gradation a, b towards the horizon, and the
 // scattering indicatrix c, d, e about the sun. `zenith` is the element's angle from the zenith.

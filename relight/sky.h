@@ -8,8 +8,8 @@ namespace lightstage::relight {
 
 struct SkyOptions {
   core::Direction sun = core::Direction::from_longitude_latitude_degrees(50, 35);  // above the horizon
-  int height = 128;               // pixels; the map is twice as wide
-  double sun_to_sky = 4;          // irradiance of the sun over that of the sky, on a surface facing each
+  int height = 128;                                                                // pixels; the map is twice as wide
+  double sun_to_sky = 4;  // irradiance of the sun over that of the sky, on a surface facing each
   double ground_albedo = 0.2;
 };
 

@@ -6,6 +6,7 @@
 
 #include "align/subject_mask.h"
 #include "capture/sequence.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
@@ -60,9 +61,9 @@ class CameraAlignment {
     const auto key_frame = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
                                         [&](const db::Frame& f) { return f.step_index == key_step; });
     if (key_frame == tracking_frames_.end()) {
-      throw core::StoreError("scan '" + scan_.name + "', camera '" + camera_ +
-                             "': its key tracking frame (step " + std::to_string(key_step) +
-                             ") is missing; run `lightstage capture --resume --name " + scan_.name + "`");
+      throw core::StoreError("scan '" + scan_.name + "', camera '" + camera_ + "': its key tracking frame (step " +
+                             std::to_string(key_step) + ") is missing; run `lightstage capture --resume --name " +
+                             scan_.name + "`");
     }
     const core::Image key = db::load_frame(store_, *key_frame, dark_);
     const core::Image mask = align::subject_mask(key);
@@ -82,8 +83,8 @@ class CameraAlignment {
         report.residual_after += after;
         ++report.tracking_frames;
       }
-      product.images.push_back({.role = "flow", .index = frame.step_index,
-                                .object = store_.put_object(flow), .value = after});
+      product.images.push_back(
+          {.role = "flow", .index = frame.step_index, .object = store_.put_object(flow), .value = after});
       motion_.add(time, std::move(flow));
       progress.advance();
     }
@@ -109,7 +110,8 @@ class CameraAlignment {
       });
       for (std::size_t i = begin; i < end; ++i) {
         const db::Frame& frame = light_frames_[i];
-        product.images.push_back({.role = "aligned", .index = frame.step_index,
+        product.images.push_back({.role = "aligned",
+                                  .index = frame.step_index,
                                   .object = store_.put_object(pictures[i - begin]),
                                   .value = residual_at(points_, pose_time(scan_, frame))});
         ++report.aligned;
@@ -140,8 +142,8 @@ align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, c
   align::MotionTrack motion;
   for (const db::ProductImage& image : alignment.images) {
     if (image.role != "flow") continue;
-    const auto frame = std::find_if(frames.begin(), frames.end(),
-                                    [&](const db::Frame& f) { return f.step_index == image.index; });
+    const auto frame =
+        std::find_if(frames.begin(), frames.end(), [&](const db::Frame& f) { return f.step_index == image.index; });
     if (frame != frames.end()) motion.add(pose_time(scan, *frame), store.object(image.object));
   }
   return motion;
@@ -151,14 +153,15 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
   const bool tracked = std::any_of(scan.steps.begin(), scan.steps.end(),
                                    [](const db::Step& step) { return step.kind == db::StepKind::kTracking; });
   if (!tracked) {
-    throw core::UsageError("scan '" + scan.name + "' has no tracking frames to align by; capture with --tracking-every");
+    throw core::UsageError("scan '" + scan.name +
+                           "' has no tracking frames to align by; capture with --tracking-every");
   }
   AlignReport report;
   for (const std::string& camera : scan.cameras) {
     db::NewProduct product;
     product.kind = "alignment";
     product.scan_id = scan.id;
-    product.parameters = nlohmann::ordered_json{{"camera", camera}, {"flow", int(options.preset)}}.dump();
+    product.parameters = json_text({{"camera", camera}, {"flow", int(options.preset)}});
     product.input_scans = {scan.id};
     CameraAlignment(store, scan, camera, options).run(product, report);
     store.add_product(product);

@@ -15,11 +15,11 @@ struct AlignOptions {
 };
 
 struct AlignReport {
-  std::size_t aligned = 0;         // frames
-  std::size_t tracking_frames = 0;   // key frames not counted
-  double median_motion_px = 0;     // over the tracking frames' medians
+  std::size_t aligned = 0;          // frames
+  std::size_t tracking_frames = 0;  // key frames not counted
+  double median_motion_px = 0;      // over the tracking frames' medians
   double largest_motion_px = 0;
-  double residual_before = 0;      // mean over tracking frames, display values
+  double residual_before = 0;  // mean over tracking frames, display values
   double residual_after = 0;
 };
 

@@ -8,6 +8,7 @@
 #include "calib/mirror_ball.h"
 #include "calib/sphere_fit.h"
 #include "cli/jobs/provenance.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
@@ -20,7 +21,8 @@ namespace {
 db::Scan ball_pass(const db::Store& store, const std::string& name, db::ScanKind kind, const char* what) {
   db::Scan scan = store.scan(name);
   if (scan.kind != kind) {
-    throw core::UsageError("scan '" + name + "' is " + std::string(db::to_string(scan.kind)) + ", not a pass of a " + what);
+    throw core::UsageError("scan '" + name + "' is " + std::string(db::to_string(scan.kind)) + ", not a pass of a " +
+                           what);
   }
   return scan;
 }
@@ -40,11 +42,13 @@ void require_not_overexposed(core::ImageView full_on, double saturation, const s
   std::size_t bright = 0, clipped = 0;
   const core::Image luminance = core::to_luminance(full_on);
   for (const float value : luminance.values()) {
-    if (value > 0.25 * saturation) ++bright;
+    if (value > 0.1 * saturation) ++bright;
     if (value > 0.98 * saturation) ++clipped;
   }
-  if (clipped * 4 > bright) {
-    throw core::BadInput(where + ": overexposed, so that the ball's outline cannot be told; shorten its exposure");
+  if (clipped * 2 > bright) {
+    throw core::BadInput(
+        where +
+        ": overexposed, so that the ball's outline cannot be told; shorten that step's exposure in the sequence");
   }
 }
 
@@ -143,7 +147,8 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
     product.stage_key = scan.stage_key;
     product.input_scans.push_back(scan.id);
     const CaptureProvenance provenance = capture_provenance(scan);
-    core::Progress progress("light directions", provenance.stage.light_positions.size() * provenance.stage.cameras.size());
+    core::Progress progress("light directions",
+                            provenance.stage.light_positions.size() * provenance.stage.cameras.size());
     for (const capture::StageCamera& camera : provenance.stage.cameras) {
       const BallView view = view_ball(store, scan, camera, options.mirror_radius_m);
       per_view.push_back(estimate_lights(store, view, provenance.stage.radius_m, progress));
@@ -183,11 +188,10 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
     measure_gains(store, scan, options, report.lights);
     report.gains_measured = true;
   }
-  product.parameters = nlohmann::ordered_json{{"mirror_radius_m", options.mirror_radius_m},
-                                              {"grey_radius_m", options.grey_radius_m},
-                                              {"grey_albedo", options.grey_albedo},
-                                              {"gains_measured", report.gains_measured}}
-                           .dump();
+  product.parameters = json_text({{"mirror_radius_m", options.mirror_radius_m},
+                                  {"grey_radius_m", options.grey_radius_m},
+                                  {"grey_albedo", options.grey_albedo},
+                                  {"gains_measured", report.gains_measured}});
   report.calibration_id = store.add_calibration(product, report.lights);
   return report;
 }

@@ -10,12 +10,12 @@
 namespace lightstage::cli {
 
 struct CalibrateOptions {
-  std::vector<std::string> mirror_balls;   // scans; each camera of each sees the lights once more
-  std::optional<std::string> grey_ball;    // scan; without one all gains are 1
+  std::vector<std::string> mirror_balls;  // scans; each camera of each sees the lights once more
+  std::optional<std::string> grey_ball;   // scan; without one all gains are 1
   double mirror_radius_m = 0.06;
   double grey_radius_m = 0.06;
   double grey_albedo = 0.5;
-  std::string name;                        // of the calibration; may be empty
+  std::string name;  // of the calibration; may be empty
 };
 
 struct CalibrateReport {

@@ -4,6 +4,7 @@
 
 #include "align/subject_mask.h"
 #include "capture/sequence.h"
+#include "cli/options.h"
 #include "db/scan_loader.h"
 
 namespace lightstage::cli {
@@ -19,7 +20,7 @@ void store_subject_masks(db::Store& store, const db::Scan& scan) {
       db::NewProduct product;
       product.kind = "mask";
       product.scan_id = scan.id;
-      product.parameters = nlohmann::ordered_json{{"camera", camera}, {"step", key}}.dump();
+      product.parameters = json_text({{"camera", camera}, {"step", key}});
       product.input_scans = {scan.id};
       product.images = {{.role = "mask", .index = key, .object = store.put_object(mask)}};
       store.add_product(product);

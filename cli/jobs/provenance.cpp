@@ -2,6 +2,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/text.h"
 
@@ -13,7 +14,7 @@ std::string to_json(const CaptureProvenance& provenance) {
   ordered_json json{{"stage_toml", capture::to_toml(provenance.stage)},
                     {"sequence_toml", capture::to_toml(provenance.sequence)}};
   if (provenance.simulation) json["simulation"] = ordered_json::parse(sim::to_json(*provenance.simulation));
-  return json.dump();
+  return json_text(json);
 }
 
 bool is_captured(const db::Scan& scan) {
@@ -32,8 +33,8 @@ CaptureProvenance capture_provenance(const db::Scan& scan) {
   }
   CaptureProvenance provenance;
   provenance.stage = capture::parse_stage(json["stage_toml"].get<std::string>(), where);
-  provenance.sequence = capture::parse_sequence(json["sequence_toml"].get<std::string>(), where,
-                                                provenance.stage.light_positions.size());
+  provenance.sequence =
+      capture::parse_sequence(json["sequence_toml"].get<std::string>(), where, provenance.stage.light_positions.size());
   if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
   return provenance;
 }

@@ -12,7 +12,7 @@
 namespace lightstage::cli {
 
 struct CaptureProvenance {
-  capture::Stage stage;        // with the cameras as used (their real picture size)
+  capture::Stage stage;  // with the cameras as used (their real picture size)
   capture::Sequence sequence;
   std::optional<sim::Simulation> simulation;  // its stage is `stage`
 };

@@ -7,8 +7,8 @@
 #include "capture/stage.h"
 #include "cli/jobs/provenance.h"
 #include "core/error.h"
-#include "core/text.h"
 #include "core/progress.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -23,14 +23,15 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
   return db::load_scan(store, name, options);
 }
 
-std::optional<std::filesystem::path> find_model(const db::Store& store, const std::string& file_or_name, db::Id scan_id) {
+std::optional<std::filesystem::path> find_model(const db::Store& store, const std::string& file_or_name,
+                                                db::Id scan_id) {
   if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
   const std::vector<db::Product> models = store.products("weights");
   std::vector<std::string> names;
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
     names.push_back(model->name);
-    const bool wanted = file_or_name.empty() ? std::find(model->input_scans.begin(), model->input_scans.end(), scan_id) !=
-                                                   model->input_scans.end()
+    const bool wanted = file_or_name.empty() ? std::find(model->input_scans.begin(), model->input_scans.end(),
+                                                         scan_id) != model->input_scans.end()
                                              : model->name == file_or_name;
     if (!wanted) continue;
     const std::filesystem::path file = nlohmann::json::parse(model->parameters).value("file", std::string());
@@ -40,7 +41,8 @@ std::optional<std::filesystem::path> find_model(const db::Store& store, const st
     }
   }
   if (file_or_name.empty()) return std::nullopt;
-  throw core::UsageError("no model file or model named '" + file_or_name + "'" + core::did_you_mean(file_or_name, names));
+  throw core::UsageError("no model file or model named '" + file_or_name + "'" +
+                         core::did_you_mean(file_or_name, names));
 }
 
 }  // namespace lightstage::cli

@@ -15,6 +15,7 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
 
 // A checkpoint: the file of that path, or the model of that name in the store. For an empty name the newest model that was
 // trained on the scan; nothing when there is none. UsageError for a name that is neither.
-std::optional<std::filesystem::path> find_model(const db::Store& store, const std::string& file_or_name, db::Id scan_id);
+std::optional<std::filesystem::path> find_model(const db::Store& store, const std::string& file_or_name,
+                                                db::Id scan_id);
 
 }  // namespace lightstage::cli

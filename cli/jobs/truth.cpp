@@ -17,12 +17,15 @@ namespace {
 
 const sim::Simulation& simulation_of(const CaptureProvenance& provenance, const db::Scan& scan) {
   if (!provenance.simulation) {
-    throw core::UsageError("scan '" + scan.name + "' was not captured on the simulated stage: there is no truth to compare with");
+    throw core::UsageError("scan '" + scan.name +
+                           "' was not captured on the simulated stage: there is no truth to compare with");
   }
   return *provenance.simulation;
 }
 
-double median_of(std::vector<float>& values) { return core::quantile(values, 0.5); }
+double median_of(std::vector<float>& values) {
+  return core::quantile(values, 0.5);
+}
 
 // Sum of squared differences of display values over the mask, and how many values it is of.
 struct SquaredError {
@@ -34,7 +37,9 @@ struct SquaredError {
       for (int x = 0; x < a.width(); ++x) {
         if (mask(y, x) <= 0.5f) continue;
         for (int c = 0; c < a.channels(); ++c) {
-          const auto shown = [exposure](float v) { return double(core::display_encode(std::min(float(v / exposure), 1.0f))); };
+          const auto shown = [exposure](float v) {
+            return double(core::display_encode(std::min(float(v / exposure), 1.0f)));
+          };
           const double e = shown(a(y, x, c)) - shown(b(y, x, c));
           sum += e * e;
           values += 1;
@@ -97,7 +102,8 @@ SimulatedTruth::CalibrationError SimulatedTruth::calibration_error(const db::Loa
 
 SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& store, double exposure) const {
   const auto alignment = store.newest_product("alignment", scan_, camera_.name);
-  if (!alignment) throw core::UsageError("scan '" + scan_.name + "' is not aligned; run `lightstage align " + scan_.name + "`");
+  if (!alignment)
+    throw core::UsageError("scan '" + scan_.name + "' is not aligned; run `lightstage align " + scan_.name + "`");
   const align::MotionTrack motion = stored_motion(store, scan_, *alignment, camera_.name);
   const std::vector<db::Frame> frames = store.frames(scan_.id, camera_.name);
   const core::Image dark = db::dark_level(store, scan_, camera_.name);
@@ -111,8 +117,8 @@ SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& 
     core::throw_if_interrupted();
     progress.advance();
     if (image.role != "aligned") continue;
-    const auto frame = std::find_if(frames.begin(), frames.end(),
-                                    [&](const db::Frame& f) { return f.step_index == image.index; });
+    const auto frame =
+        std::find_if(frames.begin(), frames.end(), [&](const db::Frame& f) { return f.step_index == image.index; });
     const core::Nanoseconds time = pose_time(scan_, *frame);
     const core::Image truth = world_.true_flow(camera_.model, key_time_, time);
     const align::FlowField found = motion.at(time);

@@ -33,7 +33,7 @@ class SimulatedTruth {
 
   struct AlignmentError {
     std::size_t frames = 0;
-    double median_epe_px = 0, p95_epe_px = 0;   // end-point error of the flow of light frames, over the subject
+    double median_epe_px = 0, p95_epe_px = 0;           // end-point error of the flow of light frames, over the subject
     double psnr_unaligned_db = 0, psnr_aligned_db = 0;  // display values against noise-free truth in the key pose
   };
   // `exposure` is the radiance shown as 1. UsageError when the scan was not aligned.

@@ -9,7 +9,7 @@
 namespace lightstage::cli {
 
 struct SheetCell {
-  core::Image picture;     // display values in [0, 1], 3 channels
+  core::Image picture;  // display values in [0, 1], 3 channels
   std::string caption;
 };
 

@@ -5,7 +5,8 @@ namespace lightstage::cli {
 namespace {
 
 constexpr const char* kStyle =
-    "body{font:16px/1.5 system-ui,sans-serif;max-width:1100px;margin:2rem auto;padding:0 1rem;color:#222;background:#fafafa}"
+    "body{font:16px/1.5 system-ui,sans-serif;max-width:1100px;margin:2rem auto;padding:0 "
+    "1rem;color:#222;background:#fafafa}"
     "h1{font-size:1.6rem}h2{font-size:1.2rem;margin-top:2rem}"
     "table{border-collapse:collapse;margin:1rem 0;background:#fff}"
     "th,td{padding:.35rem .9rem;border-bottom:1px solid #ddd;text-align:right;font-variant-numeric:tabular-nums}"
@@ -21,28 +22,44 @@ std::string html_escaped(const std::string& text) {
   std::string escaped;
   for (const char c : text) {
     switch (c) {
-      case '&': escaped += "&amp;"; break;
-      case '<': escaped += "&lt;"; break;
-      case '>': escaped += "&gt;"; break;
-      case '"': escaped += "&quot;"; break;
-      default: escaped += c;
+      case '&':
+        escaped += "&amp;";
+        break;
+      case '<':
+        escaped += "&lt;";
+        break;
+      case '>':
+        escaped += "&gt;";
+        break;
+      case '"':
+        escaped += "&quot;";
+        break;
+      default:
+        escaped += c;
     }
   }
   return escaped;
 }
 
 HtmlPage::HtmlPage(const std::string& title) {
-  html_ = "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-          "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
-          html_escaped(title) + "</title><style>" + kStyle + "</style></head>\n<body>\n<h1>" + html_escaped(title) +
-          "</h1>\n";
+  html_ =
+      "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
+      "<meta name=\"viewport\" content=\"width=device-width\"><title>" +
+      html_escaped(title) + "</title><style>" + kStyle + "</style></head>\n<body>\n<h1>" + html_escaped(title) +
+      "</h1>\n";
 }
 
-void HtmlPage::heading(const std::string& text) { html_ += "<h2>" + html_escaped(text) + "</h2>\n"; }
+void HtmlPage::heading(const std::string& text) {
+  html_ += "<h2>" + html_escaped(text) + "</h2>\n";
+}
 
-void HtmlPage::paragraph(const std::string& text) { html_ += "<p>" + html_escaped(text) + "</p>\n"; }
+void HtmlPage::paragraph(const std::string& text) {
+  html_ += "<p>" + html_escaped(text) + "</p>\n";
+}
 
-void HtmlPage::code(const std::string& text) { html_ += "<pre>" + html_escaped(text) + "</pre>\n"; }
+void HtmlPage::code(const std::string& text) {
+  html_ += "<pre>" + html_escaped(text) + "</pre>\n";
+}
 
 void HtmlPage::table(const std::vector<std::vector<std::string>>& rows, std::size_t marked) {
   html_ += "<table>\n";
@@ -65,6 +82,8 @@ void HtmlPage::figures(const std::vector<Figure>& figures) {
   html_ += "</div>\n";
 }
 
-std::string HtmlPage::finish() { return html_ + "</body></html>\n"; }
+std::string HtmlPage::finish() {
+  return html_ + "</body></html>\n";
+}
 
 }  // namespace lightstage::cli

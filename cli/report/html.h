@@ -20,7 +20,7 @@ class HtmlPage {
   // The first row is the head; row `marked` stands out (0: none).
   void table(const std::vector<std::vector<std::string>>& rows, std::size_t marked = 0);
   struct Figure {
-    std::filesystem::path file;   // relative to the page
+    std::filesystem::path file;  // relative to the page
     std::string caption;
   };
   void figures(const std::vector<Figure>& figures);

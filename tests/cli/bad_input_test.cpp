@@ -36,7 +36,9 @@ class Workshop {
   fs::path store() const { return folder_ / "store"; }
   fs::path operator/(const std::string& name) const { return folder_ / name; }
 
-  test::Outcome import() const { return run_program(store(), {"import", "lp", (folder_ / "dirs.lp").string(), "--name", "set"}); }
+  test::Outcome import() const {
+    return run_program(store(), {"import", "lp", (folder_ / "dirs.lp").string(), "--name", "set"});
+  }
 
   void check_refused(const test::Outcome& outcome, int status, std::vector<std::string> said) const {
     INFO(outcome.err);
@@ -127,30 +129,47 @@ TEST_CASE("bad input to the other commands names file, place and remedy") {
   const Workshop workshop;
   REQUIRE(workshop.import().status == 0);
   const std::string before = test::fingerprint(workshop.store());
-  const auto run = [&](std::vector<std::string> arguments) { return run_program(workshop.store(), std::move(arguments)); };
+  const auto run = [&](std::vector<std::string> arguments) {
+    return run_program(workshop.store(), std::move(arguments));
+  };
   const std::string out = (workshop / "out.exr").string();
 
   workshop.check_refused(run({"relight", "sett", "--light", "0,0,1", "--out", out}), 2, {"'sett'", "'set'"});
-  workshop.check_refused(run({"relight", "set", "--light", "0,0,0", "--out", out}), 3, {"0,0,0"});
-  workshop.check_refused(run({"relight", "set", "--light", "north", "--out", out}), 3, {"north"});
-  workshop.check_refused(run({"relight", "set", "--env", (workshop / "none.hdr").string(), "--out", out}), 3, {"none.hdr"});
-  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--method", "liner", "--out", out}), 2, {"liner", "linear"});
-  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--out", (workshop / "out.png").string()}), 2, {".exr"});
-  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--method", "superres", "--out", out}), 2, {"train"});
-  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--env", "a.hdr", "--out", out}), 2, {"--light", "--env"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,0", "--out", out}), 2, {"--light", "0,0,0"});
+  workshop.check_refused(run({"relight", "set", "--light", "north", "--out", out}), 2, {"--light", "north"});
+  workshop.check_refused(run({"relight", "set", "--env", (workshop / "none.hdr").string(), "--out", out}), 3,
+                         {"none.hdr"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--method", "liner", "--out", out}), 2,
+                         {"liner", "linear"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--out", (workshop / "out.png").string()}), 2,
+                         {".exr"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--method", "superres", "--out", out}), 2,
+                         {"train"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--env", "a.hdr", "--out", out}), 2,
+                         {"--light", "--env"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--radius", "nan", "--out", out}), 2,
+                         {"--radius", "nan"});
+  workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--exposure", "1e6", "--out", out}), 2,
+                         {"--exposure"});
+  workshop.check_refused(run({"superres", "set", "--lights", "10", "--method", "nearest", "--out", "a\nb"}), 2,
+                         {"a\\nb"});
   workshop.check_refused(run({"align", "set"}), 2, {"set", "tracking"});
   workshop.check_refused(run({"evaluate", "set", "--off-grid"}), 2, {"set"});
   workshop.check_refused(run({"evaluate", "set"}), 2, {"--held-out"});
-  workshop.check_refused(run({"train", "set", "--steps", "1", "--out", (workshop / "m.safetensors").string()}), 2, {"6", "lights"});
-  workshop.check_refused(run({"capture", "--sim", "--procedural", "1", "--stage", (workshop / "no.toml").string(), "--name", "x"}), 3,
-                         {"no.toml"});
+  workshop.check_refused(run({"train", "set", "--steps", "1", "--out", (workshop / "m.safetensors").string()}), 2,
+                         {"6", "lights"});
+  workshop.check_refused(
+      run({"capture", "--sim", "--procedural", "1", "--stage", (workshop / "no.toml").string(), "--name", "x"}), 3,
+      {"no.toml"});
 
   std::ofstream(workshop / "stage.toml") << "name = \"s\"\nradius_m = \"far\"\n";
-  workshop.check_refused(run({"capture", "--sim", "--procedural", "1", "--stage", (workshop / "stage.toml").string(), "--name", "x"}), 3,
-                         {"stage.toml:2", "radius_m"});
+  workshop.check_refused(
+      run({"capture", "--sim", "--procedural", "1", "--stage", (workshop / "stage.toml").string(), "--name", "x"}), 3,
+      {"stage.toml:2", "radius_m"});
   std::ofstream(workshop / "weights.safetensors") << "not a model";
   workshop.check_refused(run({"relight", "set", "--light", "0,0,1", "--method", "superres", "--model",
-                              (workshop / "weights.safetensors").string(), "--out", out}), 3, {"weights.safetensors"});
+                              (workshop / "weights.safetensors").string(), "--out", out}),
+                         3, {"weights.safetensors"});
   CHECK_FALSE(fs::exists(out));
   CHECK(test::fingerprint(workshop.store()) == before);
 }

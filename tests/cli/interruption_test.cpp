@@ -15,8 +15,10 @@ namespace {
 
 struct Capture {
   explicit Capture(const test::TemporaryFolder& folder)
-      : store(folder / "store"),
-        arguments{"capture", "--sim", "--procedural", "3", "--stage", (folder / "stage.toml").string(), "--size", "64", "--name", "head"} {
+      : store(folder / "store"), arguments{"capture", "--sim",   "--procedural",
+                                           "3",       "--stage", (folder / "stage.toml").string(),
+                                           "--size",  "64",      "--name",
+                                           "head"} {
     REQUIRE(run_program(store, {"init"}).status == 0);
     REQUIRE(run_program(store, {"stage", "--lights", "60", "--out", (folder / "stage.toml").string()}).status == 0);
   }

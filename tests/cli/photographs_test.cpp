@@ -53,12 +53,14 @@ TEST_CASE("real photographs are imported, relit, super-resolved by blending and 
   const auto imported = succeed(store, {"import", "diligent", set.string(), "--name", "bear"});
   CHECK(imported["pictures"] == 32);
   CHECK(imported["excluded"].empty());
-  succeed(store, {"relight", "bear", "--light", "0.2,0.3,0.9", "--method", "rbf", "--out", (folder / "lit.exr").string()});
+  succeed(store,
+          {"relight", "bear", "--light", "0.2,0.3,0.9", "--method", "rbf", "--out", (folder / "lit.exr").string()});
   succeed(store, {"superres", "bear", "--lights", "10", "--method", "linear", "--out", "bear-linear"});
   succeed(store, {"train", "bear", "--steps", "30", "--hold-out-every", "8", "--out", model});
-  succeed(store, {"superres", "bear", "--lights", "10", "--method", "superres", "--model", model, "--out", "bear-network"});
-  const auto evaluation = succeed(store, {"evaluate", "bear", "--held-out", "--every", "8", "--method", "superres,rbf,linear,nearest",
-                                          "--model", model, "--linear"});
+  succeed(store,
+          {"superres", "bear", "--lights", "10", "--method", "superres", "--model", model, "--out", "bear-network"});
+  const auto evaluation = succeed(store, {"evaluate", "bear", "--held-out", "--every", "8", "--method",
+                                          "superres,rbf,linear,nearest", "--model", model, "--linear"});
   REQUIRE(evaluation["methods"].size() == 4);
   double linear = 0, nearest = 0;
   for (const auto& method : evaluation["methods"]) {
@@ -79,7 +81,6 @@ TEST_CASE("RTI sets and face sets import with their own conventions") {
   succeed(store, {"init"});
   CHECK(succeed(store, {"import", "lp", (lion / "dirs.lp").string(), "--name", "lion"})["pictures"] == 240);
   CHECK(succeed(store, {"import", "yale", face.string(), "--name", "face"})["pictures"] == 64);
-  const auto evaluation =
-      succeed(store, {"evaluate", "lion", "--held-out", "--every", "24", "--method", "rbf,linear"});
+  const auto evaluation = succeed(store, {"evaluate", "lion", "--held-out", "--every", "24", "--method", "rbf,linear"});
   CHECK(evaluation["methods"][0]["rmse"].get<double>() < evaluation["methods"][1]["rmse"].get<double>());
 }

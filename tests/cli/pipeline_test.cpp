@@ -28,15 +28,17 @@ TEST_CASE("a simulated stage is captured, calibrated, aligned, super-resolved, r
   const std::string stage = (folder / "stage.toml").string();
   const std::string model = (folder / "head.safetensors").string();
   succeed(store, {"init"});
-  CHECK(succeed(store, {"stage", "--lights", "80", "--mount-error", "1", "--gain-spread", "0.05", "--out", stage})["lights"] == 80);
+  CHECK(succeed(store, {"stage", "--lights", "80", "--mount-error", "1", "--gain-spread", "0.05", "--out",
+                        stage})["lights"] == 80);
   succeed(store, {"capture", "--sim", "--mirror-ball", "--stage", stage, "--size", "384", "--name", "ball"});
   succeed(store, {"capture", "--sim", "--grey-ball", "--stage", stage, "--size", "96", "--name", "grey"});
-  const auto capture = succeed(store, {"capture", "--sim", "--procedural", "3", "--stage", stage, "--size", "96", "--drop", "20",
-                                       "--name", "head"});
+  const auto capture = succeed(store, {"capture", "--sim", "--procedural", "3", "--stage", stage, "--size", "96",
+                                       "--drop", "20", "--name", "head"});
   CHECK(capture["frames"] == capture["steps"]);
   CHECK(capture["dropped"] == 1);
   CHECK(capture["retaken"] == 1);
-  const auto calibration = succeed(store, {"calibrate", "ball", "--grey", "grey", "--lp", (folder / "lights.lp").string()});
+  const auto calibration =
+      succeed(store, {"calibrate", "ball", "--grey", "grey", "--lp", (folder / "lights.lp").string()});
   CHECK(calibration["placed"].get<int>() > 70);
   CHECK(succeed(store, {"align", "head"})["aligned"] == 80);
 
@@ -45,14 +47,15 @@ TEST_CASE("a simulated stage is captured, calibrated, aligned, super-resolved, r
   CHECK(accuracy["calibration"]["median_deg"].get<double>() <= 0.25);
   CHECK(accuracy["calibration"]["median_gain_error"].get<double>() <= 0.03);
   CHECK(accuracy["alignment"]["median_epe_px"].get<double>() <= 0.5);
-  CHECK(accuracy["alignment"]["psnr_aligned_db"].get<double>() > accuracy["alignment"]["psnr_unaligned_db"].get<double>());
+  CHECK(accuracy["alignment"]["psnr_aligned_db"].get<double>() >
+        accuracy["alignment"]["psnr_unaligned_db"].get<double>());
   const auto verified = succeed(store, {"store", "verify"});
   CHECK(verified["ok"] == true);
   CHECK(verified["errors"].empty());
 
   CHECK(succeed(store, {"train", "head", "--steps", "20", "--out", model})["steps"] == 20);
-  const auto evaluation = succeed(store, {"evaluate", "head", "--off-grid", "--directions", "5", "--seed", "2", "--model", model,
-                                          "--sheet", (folder / "sheet.png").string()});
+  const auto evaluation = succeed(store, {"evaluate", "head", "--off-grid", "--directions", "5", "--seed", "2",
+                                          "--model", model, "--sheet", (folder / "sheet.png").string()});
   CHECK(evaluation["protocol"] == "off-grid");
   REQUIRE(evaluation["methods"].size() == 4);
   double nearest = 0, linear = 0;
@@ -70,9 +73,12 @@ TEST_CASE("a simulated stage is captured, calibrated, aligned, super-resolved, r
   CHECK(succeed(store, {"superres", "head", "--lights", "20", "--method", "superres", "--model", model, "--out",
                         "dense"})["already_stored"] == 20);
   succeed(store, {"sky", "--height", "32", "--out", (folder / "sky.exr").string()});
-  succeed(store, {"relight", "dense", "--env", (folder / "sky.exr").string(), "--method", "linear", "--out", (folder / "dense.exr").string()});
-  succeed(store, {"relight", "head", "--light", "30,20", "--radius", "8", "--samples", "4", "--out", (folder / "soft.exr").string()});
-  succeed(store, {"relight", "head", "--env", (folder / "sky.exr").string(), "--method", "linear", "--out", (folder / "sky_lit.exr").string()});
+  succeed(store, {"relight", "dense", "--env", (folder / "sky.exr").string(), "--method", "linear", "--out",
+                  (folder / "dense.exr").string()});
+  succeed(store, {"relight", "head", "--light", "30,20", "--radius", "8", "--samples", "4", "--out",
+                  (folder / "soft.exr").string()});
+  succeed(store, {"relight", "head", "--env", (folder / "sky.exr").string(), "--method", "linear", "--out",
+                  (folder / "sky_lit.exr").string()});
   for (const std::string picture : {"dense", "soft", "sky_lit"}) {
     INFO(picture);
     CHECK(core::read_image_size(folder / (picture + ".png")) == core::ImageSize{96, 96, 3});
@@ -95,12 +101,13 @@ TEST_CASE("an uncalibrated capture of a mesh on any layout can be judged off the
   const test::TemporaryFolder folder;
   const std::filesystem::path store = folder / "store";
   const std::string mesh = (folder / "box.obj").string();
-  std::ofstream(mesh) << "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n"
-                         "f 5 6 7\nf 5 7 8\nf 2 1 4\nf 2 4 3\nf 6 2 3\nf 6 3 7\nf 1 5 8\nf 1 8 4\nf 8 7 3\nf 8 3 4\nf 1 2 6\nf 1 6 5\n";
+  std::ofstream(mesh)
+      << "v -1 -1 -1\nv 1 -1 -1\nv 1 1 -1\nv -1 1 -1\nv -1 -1 1\nv 1 -1 1\nv 1 1 1\nv -1 1 1\n"
+         "f 5 6 7\nf 5 7 8\nf 2 1 4\nf 2 4 3\nf 6 2 3\nf 6 3 7\nf 1 5 8\nf 1 8 4\nf 8 7 3\nf 8 3 4\nf 1 2 6\nf 1 6 5\n";
   succeed(store, {"init"});
   succeed(store, {"stage", "--layout", "fibonacci", "--lights", "60", "--out", (folder / "stage.toml").string()});
-  succeed(store, {"capture", "--sim", "--mesh", mesh, "--stage", (folder / "stage.toml").string(), "--size", "48", "--no-noise",
-                  "--no-motion", "--yaw", "30", "--name", "box"});
+  succeed(store, {"capture", "--sim", "--mesh", mesh, "--stage", (folder / "stage.toml").string(), "--size", "48",
+                  "--no-noise", "--no-motion", "--yaw", "30", "--name", "box"});
   const auto evaluation =
       succeed(store, {"evaluate", "box", "--off-grid", "--directions", "6", "--seed", "1", "--method", "rbf,linear"});
   REQUIRE(evaluation["methods"].size() == 2);

@@ -68,7 +68,9 @@ BackgroundRun::~BackgroundRun() {
   wait_for(pid_);
 }
 
-void BackgroundRun::signal(int number) const { kill(pid_, number); }
+void BackgroundRun::signal(int number) const {
+  kill(pid_, number);
+}
 
 int BackgroundRun::wait() {
   const int status = wait_for(pid_);

@@ -10,7 +10,7 @@
 namespace lightstage::test {
 
 struct Outcome {
-  int status = 0;     // exit status; 128 + n when ended by signal n
+  int status = 0;  // exit status; 128 + n when ended by signal n
   std::string out, err;
 
   nlohmann::json json() const { return nlohmann::json::parse(out); }

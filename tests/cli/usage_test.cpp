@@ -8,8 +8,8 @@ using test::run_program;
 
 TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
-  for (const std::string command : {"init", "stage", "capture", "calibrate", "align", "import", "export", "train", "superres",
-                                    "relight", "sky", "evaluate", "store", "doctor", "demo"}) {
+  for (const std::string command : {"init", "stage", "capture", "calibrate", "align", "import", "export", "train",
+                                    "superres", "relight", "sky", "evaluate", "store", "doctor", "demo"}) {
     INFO(command);
     const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);
@@ -33,7 +33,8 @@ TEST_CASE("what is misspelt is answered with the nearest name and exit status 2"
   };
   fails_with({"captrue"}, "no command 'captrue' (did you mean 'capture'?)");
   fails_with({"store", "verifi"}, "no command 'verifi' (did you mean 'verify'?)");
-  fails_with({"relight", "head", "--lihgt", "0,0,1", "--out", "a.exr"}, "no option '--lihgt' (did you mean '--light'?)");
+  fails_with({"relight", "head", "--lihgt", "0,0,1", "--out", "a.exr"},
+             "no option '--lihgt' (did you mean '--light'?)");
   fails_with({"init", "--jsn"}, "(did you mean '--json'?)");
   fails_with({"superres", "head"}, "--out");
   fails_with({}, "lightstage --help");

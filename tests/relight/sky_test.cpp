@@ -14,7 +14,8 @@ double irradiance(const relight::Environment& sky, const core::Direction& normal
   for (int y = 0; y < sky.height(); ++y) {
     for (int x = 0; x < sky.width(); ++x) {
       const core::Direction d = sky.direction(y, x);
-      if (d.y() > 0) sum += sky.radiance()(y, x, channel) * sky.solid_angle(y) * std::max(0.0, core::dot(d.vec(), normal.vec()));
+      if (d.y() > 0)
+        sum += sky.radiance()(y, x, channel) * sky.solid_angle(y) * std::max(0.0, core::dot(d.vec(), normal.vec()));
     }
   }
   return sum;
@@ -52,5 +53,6 @@ TEST_CASE("the sun's light does not depend on the map's resolution, and stands w
 }
 
 TEST_CASE("a sun below the horizon is refused") {
-  CHECK_THROWS_AS(relight::clear_sky({.sun = core::Direction::from_longitude_latitude_degrees(0, -1)}), core::UsageError);
+  CHECK_THROWS_AS(relight::clear_sky({.sun = core::Direction::from_longitude_latitude_degrees(0, -1)}),
+                  core::UsageError);
 }

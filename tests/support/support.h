@@ -6,10 +6,10 @@
 #include <string>
 
 // Ends the test case and has CTest count it as skipped, with the reason in the log.
-#define SKIP_TEST(reason)                          \
-  do {                                             \
+#define SKIP_TEST(reason)                         \
+  do {                                            \
     std::cout << "SKIPPED: " << (reason) << "\n"; \
-    return;                                        \
+    return;                                       \
   } while (false)
 
 namespace lightstage::test {

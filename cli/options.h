@@ -1,0 +1,39 @@
+// What options of several commands share.
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include <nlohmann/json.hpp>
+
+#include "core/direction.h"
+#include "core/error.h"
+
+namespace lightstage::cli {
+
+// A finite number from `lowest` to `highest`; CLI::Range would let NaN pass.
+inline CLI::Validator number_between(double lowest, double highest) {
+  CLI::Validator validator;
+  const std::string range = CLI::detail::to_string(lowest) + " to " + CLI::detail::to_string(highest);
+  validator.description(range).operation([=](std::string& text) {
+    double value = 0;
+    if (CLI::detail::lexical_cast(text, value) && value >= lowest && value <= highest) return std::string();
+    return "'" + text + "' is not a number from " + range;
+  });
+  return validator;
+}
+
+// core::parse_direction of an option's value: what is wrong with it is the command line's fault.
+inline core::Direction direction_option(const std::string& option, const std::string& text) {
+  try {
+    return core::parse_direction(text);
+  } catch (const core::BadInput& error) {
+    throw core::UsageError(option + ": " + error.what());
+  }
+}
+
+// One line of JSON, whatever bytes file names in it are made of.
+inline std::string json_text(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
+}  // namespace lightstage::cli
