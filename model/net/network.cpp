@@ -19,6 +19,7 @@ constexpr double kNoiseVariance = 3e-4;
 // The two logit terms that have one weight each learn as fast as the rest where their weights count this much.
 constexpr double kTiltScale = 8;
 constexpr double kTiltLimit = 3;
+constexpr double kLogSharpnessLimit = 30;
 
 Tensor channels_last(const Tensor& x) {
   return x.contiguous(at::MemoryFormat::ChannelsLast);
@@ -107,7 +108,9 @@ ActiveSet Network::active_set(const core::Direction& query, std::span<const core
   std::vector<core::Direction> directions;
   for (const std::size_t index : active) directions.push_back(lights[index]);
   const Tensor& log_sharpness = parameter("log_sharpness");
-  const double s = std::exp(double(log_sharpness.item<float>())) / (spacing * spacing);
+  // Limited, so that a training run that leaves every bound ends in a loss that is not finite and not here.
+  const double limited = std::clamp(double(log_sharpness.item<float>()), -kLogSharpnessLimit, kLogSharpnessLimit);
+  const double s = std::exp(limited) / (spacing * spacing);
   const SlopedWeights w = sloped_alias_free_weights(query, directions, s);
 
   ActiveSet set;

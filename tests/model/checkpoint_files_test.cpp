@@ -118,7 +118,7 @@ TEST_CASE("a checkpoint with any byte of its header damaged is refused or reads 
   for (std::size_t at = 0; at < 8 + header_length; at += 3, ++tried) {
     std::string damaged = bytes;
     damaged[at] = static_cast<char>(damaged[at] ^ 0x15);
-    core::write_file_atomically(folder / "damaged", damaged);
+    std::ofstream(folder / "damaged", std::ios::binary) << damaged;
     try {
       model::read_checkpoint_info(folder / "damaged");
     } catch (const core::BadInput&) {

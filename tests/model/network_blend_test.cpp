@@ -180,7 +180,7 @@ TEST_CASE("pictures do not depend on threads, on what is cached or on what was a
     threads.emplace_back([&, i] { from_threads[i] = shared->render(queries[i]); });
   }
   for (std::thread& thread : threads) thread.join();
-  for (std::size_t i = 0; i < queries.size(); ++i) CHECK(largest_difference(from_threads[i], expected[i]) < 1e-6);
+  for (std::size_t i = 0; i < queries.size(); ++i) CHECK(from_threads[i] == expected[i]);
 
   core::set_thread_count(1);
   const auto single = model::make_superres(scan, path);
@@ -236,7 +236,7 @@ TEST_CASE(
   const auto lights = core::fibonacci_directions(30);
   const Image grey = model::make_superres(test::scan_of(lights, {9, 11, 1}, shade), path)->render(query);
   const Image colour = model::make_superres(test::scan_of(lights, {9, 11, 3}, shade), path)->render(query);
-  CHECK(largest_difference(core::to_rgb(grey), colour) < 1e-6);
+  CHECK(largest_difference(core::to_rgb(grey), colour) < 1e-5);  // their exposures round differently
 }
 
 TEST_CASE("extreme pictures give finite pictures") {
