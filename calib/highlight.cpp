@@ -115,7 +115,7 @@ std::optional<Centroid> weighted_centroid(const BallRegion& region, const Spot& 
 std::optional<Highlight> find_highlight(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball,
                                         double saturation) {
   require_picture_of(picture, camera, "mirror ball");
-  constexpr double kSmallestSigmaPx = 0.02;  // lens and sensor are not known any better
+  constexpr double kSmallestSigmaPx = 0.03;  // lens and sensor are not known any better
   constexpr int kPlateauPixels = 4;
   const std::optional<BallRegion> region = cut_out_ball(picture, camera, ball, saturation);
   if (!region) return std::nullopt;

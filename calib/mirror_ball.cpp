@@ -35,7 +35,7 @@ std::optional<Vec3> light_position(const core::CameraModel& camera, const Sphere
 std::optional<double> direction_sigma(const core::CameraModel& camera, const Sphere& ball, const Highlight& highlight,
                                       Vec3 here, double stage_radius_m) {
   constexpr double kIndependentShare = 1.0 / 3;  // neighbouring outline points share pixels
-  constexpr double kOutlineBiasPx = 0.02;  // what lens blur and uneven light leave in the outline, however many points
+  constexpr double kOutlineBiasPx = 0.03;  // what lens blur and uneven light leave in the outline, however many points
   const Cone cone = cone_around(camera, ball);
   const double radius_px = outline_radius_px(camera, cone);
   // A ball that was not measured (no outline points) is taken as exact.

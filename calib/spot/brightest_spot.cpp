@@ -54,10 +54,14 @@ cv::Mat_<float> without_hot_pixels(const cv::Mat_<float>& values) {
 std::optional<Spot> brightest_spot(const BallRegion& region, const cv::Mat_<float>& steady) {
   const cv::Mat_<float> tall = spots(region, steady);
   double peak = 0;
-  cv::minMaxLoc(tall, nullptr, &peak);
+  cv::Point at;
+  cv::minMaxLoc(tall, nullptr, &peak, nullptr, &at);
   if (!(peak > 0)) return std::nullopt;
+  // A clipped spot near the rim reaches beyond the ball: cut at the rim, its middle would seem to lie too far inside.
+  const double half_height = double(steady(at)) - 0.5 * peak;
+  const cv::Mat above = (tall > 0.5 * peak) | ((region.on_ball == 0) & (steady > half_height));
   cv::Mat labels_any;
-  const int count = cv::connectedComponents(tall > 0.5 * peak, labels_any, 8, CV_32S);
+  const int count = cv::connectedComponents(above, labels_any, 8, CV_32S);
   const cv::Mat_<int> labels = labels_any;
   std::vector<double> flux(std::size_t(count), 0.0);
   for (int y = 0; y < tall.rows; ++y) {

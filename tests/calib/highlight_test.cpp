@@ -135,6 +135,14 @@ TEST_CASE("a highlight at the rim says that it tells nothing") {
   CHECK(refused);
 }
 
+TEST_CASE("a clipped highlight that reaches beyond the rim is not drawn inwards") {
+  for (const double x : {155.3, 158.8, 161.6}) {
+    const core::Pixel truth{x, 121.4};
+    const core::Image image = test::through_sensor(gaussian_spot(truth, 50000, 0.9), 1, 3);
+    CHECK(error_px(find_highlight(image, camera(), kBall, 1), truth) < 0.1);
+  }
+}
+
 TEST_CASE("pictures that cannot be right are refused") {
   core::Image image(kPixels, kPixels, 1);
   CHECK_THROWS_AS(find_highlight(core::Image(kPixels, kPixels - 1, 1), camera(), kBall, 1), core::BadInput);

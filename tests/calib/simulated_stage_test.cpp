@@ -58,9 +58,9 @@ TEST_CASE("a simulated stage is calibrated from one mirror ball and one grey bal
   const Sphere ball = locate_sphere(shoot(mirror, all_on(kLights), kFullOnExposure, 1000), camera.model, ball_radius);
   const Sphere grey_ball =
       locate_sphere(shoot(grey, all_on(kLights), kFullOnExposure, 1001), camera.model, ball_radius);
-  // The ball is at the stage centre.
-  CHECK(norm(ball.centre) < 4e-4);
-  CHECK(norm(grey_ball.centre) < 4e-4);
+  // The balls are at the stage centre; a millimetre in depth is 0.05 px of the outline.
+  CHECK(norm(ball.centre) < 1e-3);
+  CHECK(norm(grey_ball.centre) < 1e-3);
 
   std::vector<double> direction_errors, gain_errors, ratios;
   for (std::size_t i = 0; i < kLights; ++i) {
