@@ -153,7 +153,7 @@ void capture_scan(const Options& options, Context& context) {
   clock.sleep_until(capture::end_of_last_exposure(store, scan));  // a resumed pass goes on where the motion was
   sim::SimulatedRig rig(world, clock);
   const capture::SessionReport report = run_session(store, scan, provenance.sequence, rig.rig());
-  if (scan.kind == db::ScanKind::kOlat) store_subject_masks(store, scan);
+  if (scan.kind == db::ScanKind::kOlat && !store.newest_product("mask", scan.id)) store_subject_masks(store, scan);
 
   const std::size_t frames = report.already_stored + report.stored;
   std::string text = "captured '" + scan.name + "': " + std::to_string(frames) + " frames of " +

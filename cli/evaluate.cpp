@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <sstream>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,7 @@
 #include "core/error.h"
 #include "core/image_file.h"
 #include "core/progress.h"
+#include "core/text.h"
 #include "model/checkpoint.h"
 #include "model/evaluation.h"
 
@@ -35,9 +35,8 @@ struct Options {
 
 std::vector<std::string> split_names(const std::string& text) {
   std::vector<std::string> names;
-  std::stringstream stream(text);
-  for (std::string name; std::getline(stream, name, ',');) {
-    if (!name.empty()) names.push_back(name);
+  for (const std::string_view name : core::split(text, ',')) {
+    if (!name.empty()) names.emplace_back(name);
   }
   return names;
 }

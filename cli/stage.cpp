@@ -4,7 +4,9 @@
 #include "capture/stage.h"
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "core/error.h"
 #include "core/file.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -25,6 +27,11 @@ capture::Stage design_stage(const Options& options) {
   } else if (options.layout == "fibonacci") {
     layout.layout = capture::Layout::kFibonacci;
   } else {
+    const std::vector<std::string> layouts{"geodesic", "fibonacci"};
+    if (std::filesystem::path(options.layout).extension() != ".lp") {
+      throw core::UsageError("--layout: '" + options.layout + "' is neither geodesic, fibonacci nor an .lp file" +
+                             core::did_you_mean(options.layout, layouts));
+    }
     return capture::stage_from_lp(options.layout, layout);
   }
   return capture::make_stage(name, layout);
@@ -49,7 +56,7 @@ void add_stage(CLI::App& program, Context& context) {
       ->check(number_between(0.2, 100.0));
   command->add_option("--cameras", options->stage.cameras, "Number of cameras")
       ->capture_default_str()
-      ->check(CLI::Range(1, 16));
+      ->check(CLI::Range(1, 12));
   command
       ->add_option("--bottom-hole", options->stage.bottom_hole_degrees,
                    "Half-angle without lights about straight down, degrees")

@@ -75,10 +75,12 @@ void verify(Context& context) {
   std::string text = std::to_string(report.frames) + " frames, " + std::to_string(report.objects) + " objects: " +
                      (report.errors.empty() ? "all sound" : std::to_string(report.errors.size()) + " errors") + "\n";
   for (const std::string& error : report.errors) text += "  " + error + "\n";
+  for (const std::string& note : report.notes) text += "  harmless: " + note + "\n";
   context.result(text, {{"ok", report.errors.empty()},
                         {"frames", report.frames},
                         {"objects", report.objects},
-                        {"errors", report.errors}});
+                        {"errors", report.errors},
+                        {"notes", report.notes}});
   if (!report.errors.empty()) {
     throw core::StoreError(store.folder().string() + ": " + std::to_string(report.errors.size()) + " errors found");
   }

@@ -8,6 +8,7 @@
 #include "cli/jobs/scans.h"
 #include "cli/options.h"
 #include "core/error.h"
+#include "core/progress.h"
 #include "db/content_hash.h"
 #include "model/training.h"
 
@@ -41,7 +42,6 @@ void run_train(Options options, Context& context) {
   std::vector<core::OlatScan> scans;
   db::NewProduct product;
   product.kind = "weights";
-  product.name = options.out.stem().string();
   for (const std::string& name : options.scans) {
     const db::LoadedScan loaded = load_scan(store, name);
     scans.push_back(without_held_out(loaded.scan, options.hold_out_every));
@@ -54,7 +54,10 @@ void run_train(Options options, Context& context) {
   const model::TrainReport report = model::train(scans, options.train, options.out);
 
   const std::filesystem::path file = std::filesystem::canonical(options.out);
-  const double validation = report.curve.empty() ? 0 : report.curve.back().validation;
+  // The file holds the best weights; before the first validation those are linear blending's.
+  double validation = report.linear_validation;
+  for (const model::LossPoint& point : report.curve) validation = std::min(validation, point.validation);
+  if (report.steps == 0) core::warn("the time was up before the first step: the model is as good as linear blending");
   product.parameters = json_text({{"file", file.string()},
                                   {"hash", db::hash_file(file).hex()},
                                   {"preset", options.preset},

@@ -32,6 +32,18 @@ double residual_at(const std::vector<TrackingPoint>& points, core::Nanoseconds t
   return a.residual + part * (after->residual - a.residual);
 }
 
+const char* to_string(align::FlowPreset preset) {
+  switch (preset) {
+    case align::FlowPreset::kFast:
+      return "fast";
+    case align::FlowPreset::kMedium:
+      return "medium";
+    case align::FlowPreset::kFine:
+      return "fine";
+  }
+  return "";
+}
+
 double median(std::vector<double> values) {
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
@@ -161,7 +173,7 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
     db::NewProduct product;
     product.kind = "alignment";
     product.scan_id = scan.id;
-    product.parameters = json_text({{"camera", camera}, {"flow", int(options.preset)}});
+    product.parameters = json_text({{"camera", camera}, {"flow", to_string(options.preset)}});
     product.input_scans = {scan.id};
     CameraAlignment(store, scan, camera, options).run(product, report);
     store.add_product(product);

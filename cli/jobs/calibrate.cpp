@@ -46,9 +46,9 @@ void require_not_overexposed(core::ImageView full_on, double saturation, const s
     if (value > 0.98 * saturation) ++clipped;
   }
   if (clipped * 2 > bright) {
-    throw core::BadInput(
-        where +
-        ": overexposed, so that the ball's outline cannot be told; shorten that step's exposure in the sequence");
+    throw core::BadInput(where +
+                         ": overexposed, so that the ball's outline cannot be told; shorten that step's exposure, or "
+                         "take larger pictures");
   }
 }
 
@@ -93,7 +93,8 @@ std::vector<calib::LightEstimate> estimate_lights(const db::Store& store, const 
   return estimates;
 }
 
-void measure_gains(const db::Store& store, const db::Scan& scan, const CalibrateOptions& options,
+// Whether any light's gain could be measured; if none could, all stay 1.
+bool measure_gains(const db::Store& store, const db::Scan& scan, const CalibrateOptions& options,
                    std::vector<db::CalibratedLight>& lights) {
   const CaptureProvenance provenance = capture_provenance(scan);
   const BallView view = view_ball(store, scan, provenance.stage.cameras.front(), options.grey_radius_m);
@@ -130,6 +131,7 @@ void measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
       light.light.gain[c] = *middle;
     }
   }
+  return !measured[0].empty();
 }
 
 }  // namespace
@@ -185,8 +187,7 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
       throw core::UsageError("scan '" + scan.name + "' stands on another stage than the mirror-ball passes");
     }
     product.input_scans.push_back(scan.id);
-    measure_gains(store, scan, options, report.lights);
-    report.gains_measured = true;
+    report.gains_measured = measure_gains(store, scan, options, report.lights);
   }
   product.parameters = json_text({{"mirror_radius_m", options.mirror_radius_m},
                                   {"grey_radius_m", options.grey_radius_m},

@@ -28,7 +28,9 @@ void add_method_options(CLI::App& command, MethodChoice& choice) {
   const std::map<std::string, model::Domain> domains{{"linear", model::Domain::kLinear},
                                                      {"display", model::Domain::kDisplay}};
   command
-      .add_option("--domain", choice.options.domain, "linear and rbf: blend linear or display-encoded values [display]")
+      .add_option(
+          "--domain", choice.options.domain,
+          "linear and rbf: blend linear or display-encoded values [display; an environment is always summed linearly]")
       ->transform(CLI::CheckedTransformer(domains));
 }
 

@@ -29,12 +29,12 @@ std::optional<std::filesystem::path> find_model(const db::Store& store, const st
   const std::vector<db::Product> models = store.products("weights");
   std::vector<std::string> names;
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
-    names.push_back(model->name);
+    const std::filesystem::path file = nlohmann::json::parse(model->parameters).value("file", std::string());
+    names.push_back(file.stem().string());
     const bool wanted = file_or_name.empty() ? std::find(model->input_scans.begin(), model->input_scans.end(),
                                                          scan_id) != model->input_scans.end()
-                                             : model->name == file_or_name;
+                                             : names.back() == file_or_name;
     if (!wanted) continue;
-    const std::filesystem::path file = nlohmann::json::parse(model->parameters).value("file", std::string());
     if (std::filesystem::is_regular_file(file)) return file;
     if (!file_or_name.empty()) {
       throw core::BadInput("model '" + file_or_name + "': its file " + file.string() + " is gone; train it again");

@@ -37,7 +37,7 @@ class Workshop {
   fs::path operator/(const std::string& name) const { return folder_ / name; }
 
   test::Outcome import() const {
-    return run_program(store(), {"import", "lp", (folder_ / "dirs.lp").string(), "--name", "set"});
+    return run_program(store(), {"import", "lp", (folder_ / "dirs.lp").string(), "--name", "set", "--quiet"});
   }
 
   void check_refused(const test::Outcome& outcome, int status, std::vector<std::string> said) const {

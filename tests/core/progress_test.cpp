@@ -14,6 +14,8 @@
 
 #include "core/progress_bar/line.h"
 
+#include "support/support.h"
+
 using namespace lightstage;
 using core::progress_bar::Reading;
 
@@ -113,6 +115,9 @@ TEST_CASE("a log gets plain lines and one at the end with the time taken") {
 }
 
 TEST_CASE("a terminal gets a bar that is redrawn in place, and notes stand above it") {
+  const int terminal = posix_openpt(O_RDWR | O_NOCTTY);
+  if (terminal < 0) SKIP_TEST("there are no pseudo-terminals here");
+  close(terminal);
   const std::string text = terminal_output_of([] {
     core::Progress progress("frames", 4);
     progress.advance();  // the first is drawn at once
