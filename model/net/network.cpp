@@ -29,15 +29,11 @@ int norm_groups(std::int64_t channels) {
   return int(channels % 8 == 0 ? channels / 8 : channels / 4);
 }
 
-bool ends_with(const std::string& text, const std::string& end) {
-  return text.size() >= end.size() && text.ends_with(end);
-}
-
 Tensor initial_value(const TensorInfo& info, double sharpness, at::Generator& generator) {
   if (info.name == "log_sharpness") return torch::tensor(float(std::log(sharpness)));
-  if (ends_with(info.name, ".slope")) return torch::full(info.shape, 0.25f);
-  if (ends_with(info.name, ".norm.scale")) return torch::ones(info.shape);
-  if (!ends_with(info.name, ".weight") || info.name == "head.logit.weight") return torch::zeros(info.shape);
+  if (info.name.ends_with(".slope")) return torch::full(info.shape, 0.25f);
+  if (info.name.ends_with(".norm.scale")) return torch::ones(info.shape);
+  if (!info.name.ends_with(".weight") || info.name == "head.logit.weight") return torch::zeros(info.shape);
   double fan_in = 1;
   for (std::size_t i = 1; i < info.shape.size(); ++i) fan_in *= double(info.shape[i]);
   // He et al. 2015, "Delving deep into rectifiers", equation 15, for a slope of 0.25 and a uniform distribution.
