@@ -249,7 +249,7 @@ TrainReport Run::train() {
     const double total = options_.minutes ? 60 * *options_.minutes : double(*options_.steps);
     core::Progress progress("training", static_cast<std::size_t>(std::ceil(total)));
     std::size_t shown = 0;
-    while (fraction() < 1) {
+    while (state_.step == 0 || fraction() < 1) {  // a slow start must not leave an untrained model
       if (core::interrupt_requested()) {
         save();
         core::note("training stops at step " + std::to_string(state_.step) + "; resume it from " + out_.string());
