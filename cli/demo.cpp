@@ -66,11 +66,11 @@ struct Results {
 
 void relight(Script& script, Results& results, const fs::path& folder, const std::string& name,
              const std::string& caption, const std::vector<std::string>& light) {
-  for (const std::string method : {"superres", "rbf", "linear"}) {
+  for (const std::string method : {"blend", "rbf", "linear"}) {
     const std::string file = name + "_" + method + ".exr";
     std::vector<std::string> arguments{"relight", "head", "--method", method, "--out", (folder / file).string()};
     arguments.insert(arguments.end(), light.begin(), light.end());
-    if (method == "superres") arguments.insert(arguments.end(), {"--model", (folder / "head.safetensors").string()});
+    if (method == "blend") arguments.insert(arguments.end(), {"--model", (folder / "head.safetensors").string()});
     const ordered_json relit = script.run(arguments);
     results.relit.push_back({fs::path(relit["png"].get<std::string>()).filename(), caption + ", " + method});
   }
@@ -91,11 +91,11 @@ Results main_job(Script& script, const fs::path& out, const Scale& scale) {
   script.run({"calibrate", "ball", "--grey", "grey", "--lp", (out / "calibrated.lp").string()});
   script.run({"align", "head"});
   results.accuracy = script.run({"evaluate", "head", "--accuracy"});
-  script.run({"train", "head", "--preset", "tiny", "--minutes", scale.train_minutes, "--out", model});
+  script.run({"train", "head", "--start-from", "blend", "--minutes", scale.train_minutes, "--out", model});
   results.evaluation =
       script.run({"evaluate", "head", "--off-grid", "--directions", scale.directions, "--method",
-                  "superres,rbf,linear,nearest", "--model", model, "--sheet", (out / "contact_sheet.png").string()});
-  script.run({"superres", "head", "--lights", scale.dense_lights, "--method", "superres", "--model", model, "--out",
+                  "blend,rbf,linear,nearest", "--model", model, "--sheet", (out / "contact_sheet.png").string()});
+  script.run({"superres", "head", "--lights", scale.dense_lights, "--method", "blend", "--model", model, "--out",
               "head-dense"});
   relight(script, results, out, "directional", "one light between the stage's", {"--light", "35,25"});
   relight(script, results, out, "area", "an area light of 12 degrees' radius",
@@ -111,12 +111,12 @@ std::string verdict(const ordered_json& methods) {
   const ordered_json* network = nullptr;
   for (const ordered_json& method : methods) {
     if (best == nullptr || method["rmse"].get<double>() < (*best)["rmse"].get<double>()) best = &method;
-    if (method["name"] == "superres") network = &method;
+    if (method["name"] == "blend") network = &method;
   }
   const std::string winner = (*best)["name"].get<std::string>();
   std::string text = winner + " has the lowest error (RMSE " + fixed((*best)["rmse"].get<double>(), 4) + ")";
   if (network != nullptr && network != best) {
-    text += "; the network, trained here on this scan alone, reaches " + fixed((*network)["rmse"].get<double>(), 4);
+    text += "; the network reaches " + fixed((*network)["rmse"].get<double>(), 4);
   }
   return text + ".";
 }
@@ -143,8 +143,8 @@ std::string report_page(const Results& results, const Script& script, double sec
   }
   page.table(rows, best + 1);
   page.paragraph(
-      "Display-encoded values over the subject; lower is better. The network was trained for minutes on this very "
-      "scan.");
+      "Display-encoded values over the subject; lower is better. The network comes with the program and was "
+      "adapted to this very scan for a moment.");
   page.figures({{"contact_sheet.png", "Truth, methods, and their differences from the truth, four times enlarged"}});
 
   page.heading("Relit");

@@ -44,16 +44,28 @@ std::vector<std::string> split_names(const std::string& text) {
 // The methods asked for by name; without --method all that can run.
 std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store& store, db::Id scan_id) {
   std::vector<std::string> names = split_names(options.method.method);
+  std::optional<model::Architecture> given;  // what --model is for
+  if (!options.method.model.empty()) {
+    given = model::read_checkpoint_info(find_model(store, options.method.model)).config.architecture;
+  }
   if (names.empty()) {
-    const bool trained = find_model(store, options.method.model, scan_id).has_value();
     for (const model::MethodInfo& method : model::methods()) {
-      if (method.name != "superres" || trained) names.push_back(method.name);
+      const auto architecture = network_of(method.name);
+      if (architecture != model::Architecture::kSuperres || architecture == given ||
+          newest_model(store, scan_id, architecture)) {
+        names.push_back(method.name);
+      }
     }
+  }
+  if (given && std::find(names.begin(), names.end(), model::architecture_name(*given)) == names.end()) {
+    throw core::UsageError(options.method.model + " is a model for --method " +
+                           std::string(model::architecture_name(*given)) + ", which is not among the methods");
   }
   std::vector<MethodChoice> choices;
   for (const std::string& name : names) {
     MethodChoice choice = options.method;
     choice.method = name;
+    if (network_of(name) != given) choice.model.clear();
     choices.push_back(resolve(choice, store, scan_id));
   }
   return choices;
@@ -72,15 +84,18 @@ std::vector<model::InterpolatorFactory> factories(const std::vector<MethodChoice
 // A network that has seen the very lights it is asked to predict would be flattered.
 void warn_if_seen_in_training(const Options& options, const std::vector<MethodChoice>& choices) {
   for (const MethodChoice& choice : choices) {
-    if (choice.method != "superres") continue;
+    if (choice.options.model_file.empty()) continue;
     const auto provenance =
         ordered_json::parse(model::read_checkpoint_info(choice.options.model_file).provenance, nullptr, false);
+    if (provenance.is_object() && provenance.contains("data") && provenance["data"].is_object()) {
+      continue;  // trained on simulated views alone
+    }
     const int held_out_every = provenance.is_object() ? provenance.value("held_out_every", 0) : 0;
     if (held_out_every == 0 || options.every % held_out_every != 0) {
-      core::warn(
-          "superres may have been trained on the lights held out here: its errors are flattered; train with "
-          "--hold-out-every " +
-          std::to_string(options.every));
+      core::warn(choice.method +
+                 " may have been trained on the lights held out here: its errors are flattered; train with "
+                 "--hold-out-every " +
+                 std::to_string(options.every));
     }
   }
 }
@@ -236,7 +251,7 @@ void add_evaluate(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("evaluate", "Measure and rank methods on a scan");
   command->footer(
       "Examples:\n"
-      "  lightstage evaluate head --off-grid --directions 60 --method superres,rbf,linear\n"
+      "  lightstage evaluate head --off-grid --directions 60 --method blend,rbf,linear\n"
       "  lightstage evaluate lion --held-out --every 4\n"
       "  lightstage evaluate head --accuracy       (calibration and alignment; simulated scans)");
   auto options = std::make_shared<Options>();
@@ -259,7 +274,8 @@ void add_evaluate(CLI::App& program, Context& context) {
   add_method_options(*command, options->method);
   command->get_option("--method")
       ->description(
-          "Methods, separated by commas: nearest, linear, rbf, superres [all; superres if the scan has a model]");
+          "Methods, separated by commas: nearest, linear, rbf, blend, superres [all; superres if the scan has a "
+          "model]");
   command->callback([options, &context] { run_evaluate(*options, context); });
 }
 

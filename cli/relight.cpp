@@ -74,21 +74,21 @@ void run_relight(Options options, Context& context) {
   for (const auto& input : {source.calibration_id, source.alignment_id, source.mask_id}) {
     if (input) picture.input_products.push_back(*input);
   }
-  picture.parameters =
-      json_text({{"light", options.light},
-                 {"radius_deg", options.radius_degrees},
-                 {"environment", options.environment.string()},
-                 {"environment_hash", options.environment.empty() ? "" : db::hash_file(options.environment).hex()},
-                 {"rotate_deg", options.rotate_degrees},
-                 {"samples", options.samples},
-                 {"virtual_lights", options.virtual_lights},
-                 {"neighbours", choice.options.neighbours},
-                 {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
-                 {"method", choice.method},
-                 {"model", choice.options.model_file.string()},
-                 {"model_hash", choice.method == "superres" ? db::hash_file(choice.options.model_file).hex() : ""},
-                 {"stops", stops},
-                 {"file", std::filesystem::absolute(written.exr).string()}});
+  picture.parameters = json_text(
+      {{"light", options.light},
+       {"radius_deg", options.radius_degrees},
+       {"environment", options.environment.string()},
+       {"environment_hash", options.environment.empty() ? "" : db::hash_file(options.environment).hex()},
+       {"rotate_deg", options.rotate_degrees},
+       {"samples", options.samples},
+       {"virtual_lights", options.virtual_lights},
+       {"neighbours", choice.options.neighbours},
+       {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
+       {"method", choice.method},
+       {"model", choice.options.model_file.string()},
+       {"model_hash", choice.options.model_file.empty() ? "" : db::hash_file(choice.options.model_file).hex()},
+       {"stops", stops},
+       {"file", std::filesystem::absolute(written.exr).string()}});
   store.add_product(picture);
   context.result("relit '" + options.name + "' by " + choice.method + " from " +
                      std::to_string(report.directions_synthesised) + " synthesised pictures in " +

@@ -34,7 +34,7 @@ void run_superres(const Options& options, Context& context) {
                                     {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
                                     {"program_version", core::kVersion}};
   if (choice.options.sharpness) parameters["sharpness"] = *choice.options.sharpness;
-  if (choice.method == "superres") parameters["model_hash"] = db::hash_file(choice.options.model_file).hex();
+  if (!choice.options.model_file.empty()) parameters["model_hash"] = db::hash_file(choice.options.model_file).hex();
   if (source.calibration_id) parameters["calibration"] = *source.calibration_id;
   if (source.alignment_id) parameters["alignment"] = *source.alignment_id;
 

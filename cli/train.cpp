@@ -6,6 +6,7 @@
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/scans.h"
+#include "cli/jobs/simulated_views.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/progress.h"
@@ -19,10 +20,17 @@ namespace {
 struct Options {
   std::vector<std::string> scans;
   std::string preset = "tiny";
+  std::string start_from;
+  std::optional<double> learning_rate;
   std::filesystem::path out;
   int hold_out_every = 0;
+  std::optional<std::size_t> simulated;
+  std::filesystem::path meshes;
   model::TrainOptions train;
 };
+
+// What a model has learned is not to be lost to the first steps on other data.
+constexpr double kAdaptingRate = 0.1;
 
 // All lights but every n-th, which a later `evaluate --held-out --every n` asks for.
 core::OlatScan without_held_out(const core::OlatScan& scan, int every) {
@@ -34,11 +42,53 @@ core::OlatScan without_held_out(const core::OlatScan& scan, int every) {
   return scan.with_lights(kept);
 }
 
-void run_train(Options options, Context& context) {
-  db::Store store = context.open_store();
-  options.train.config = model::network_preset(options.preset);
-  if (!options.train.minutes && !options.train.steps) options.train.minutes = 10;
+void show(const model::TrainReport& report, const Options& options, Context& context) {
+  std::string text = "trained " + std::to_string(report.parameters) + " parameters for " +
+                     std::to_string(report.steps) + " steps in " + fixed(report.seconds, 0) + " s; validation error " +
+                     fixed(report.best_validation, 4) + ", rbf " + fixed(report.guide_validation, 4) + "\nwrote " +
+                     options.out.string() + "\n";
+  if (report.stopped_by_nan) text += "stopped early: the loss was not finite; the file holds the last good weights\n";
+  context.result(text, {{"model", options.out.string()},
+                        {"steps", report.steps},
+                        {"seconds", report.seconds},
+                        {"parameters", report.parameters},
+                        {"validation", report.best_validation},
+                        {"rbf_validation", report.guide_validation},
+                        {"stopped_by_nan", report.stopped_by_nan}});
+}
 
+model::TrainReport train_on_simulated(const Options& options) {
+  SimulatedViewsOptions views{.views = *options.simulated, .meshes = {}, .seed = options.train.seed};
+  if (!options.meshes.empty()) {
+    for (const auto& entry : std::filesystem::directory_iterator(options.meshes)) views.meshes.push_back(entry.path());
+    std::sort(views.meshes.begin(), views.meshes.end());
+    if (views.meshes.empty()) throw core::BadInput(options.meshes.string() + ": holds no meshes");
+  }
+  return model::train(simulated_views(views), options.train, options.out);
+}
+
+// `blend`, the shipped model, needs no store.
+std::filesystem::path model_file(const std::string& file_or_name, const Context& context) {
+  if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
+  return find_model(context.open_store(), file_or_name);
+}
+
+void run_train(Options options, Context& context) {
+  if (!options.start_from.empty()) {
+    options.train.start_from = model_file(options.start_from, context);
+    options.train.config = model::read_checkpoint_info(*options.train.start_from).config;
+    options.train.learning_rate *= kAdaptingRate;
+  } else {
+    options.train.config = model::network_preset(options.preset);
+  }
+  if (options.learning_rate) options.train.learning_rate = *options.learning_rate;
+  if (!options.train.minutes && !options.train.steps) options.train.minutes = 10;
+  if (options.simulated) {
+    show(train_on_simulated(options), options, context);
+    return;
+  }
+  if (options.scans.empty()) throw core::UsageError("give the scans to learn from, or --simulated");
+  db::Store store = context.open_store();
   std::vector<core::OlatScan> scans;
   db::NewProduct product;
   product.kind = "weights";
@@ -54,28 +104,13 @@ void run_train(Options options, Context& context) {
   const model::TrainReport report = model::train(scans, options.train, options.out);
 
   const std::filesystem::path file = std::filesystem::canonical(options.out);
-  // The file holds the best weights; before the first validation those are linear blending's.
-  double validation = report.linear_validation;
-  for (const model::LossPoint& point : report.curve) validation = std::min(validation, point.validation);
-  if (report.steps == 0) core::warn("the time was up before the first step: the model is as good as linear blending");
   product.parameters = json_text({{"file", file.string()},
                                   {"hash", db::hash_file(file).hex()},
                                   {"preset", options.preset},
                                   {"steps", report.steps},
                                   {"held_out_every", options.hold_out_every}});
   store.add_product(product);
-  std::string text = "trained " + std::to_string(report.parameters) + " parameters for " +
-                     std::to_string(report.steps) + " steps in " + fixed(report.seconds, 0) + " s; validation error " +
-                     fixed(validation, 4) + ", linear blending " + fixed(report.linear_validation, 4) + "\nwrote " +
-                     options.out.string() + "\n";
-  if (report.stopped_by_nan) text += "stopped early: the loss was not finite; the file holds the last good weights\n";
-  context.result(text, {{"model", options.out.string()},
-                        {"steps", report.steps},
-                        {"seconds", report.seconds},
-                        {"parameters", report.parameters},
-                        {"validation", validation},
-                        {"linear_validation", report.linear_validation},
-                        {"stopped_by_nan", report.stopped_by_nan}});
+  show(report, options, context);
 }
 
 }  // namespace
@@ -84,27 +119,43 @@ void add_train(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("train", "Train the super-resolution network on one scan or several");
   command->footer(
       "Examples:\n"
-      "  lightstage train head --preset tiny --minutes 2 --out head.safetensors\n"
-      "  lightstage train bear --hold-out-every 4 --minutes 5 --out bear.safetensors\n"
-      "  lightstage evaluate bear --held-out --every 4 --method superres,rbf,linear --model bear.safetensors");
+      "  lightstage train head --start-from blend --minutes 2 --out head.safetensors\n"
+      "  lightstage train bear --preset blend --hold-out-every 4 --minutes 5 --out bear.safetensors\n"
+      "  lightstage evaluate bear --held-out --every 4 --method blend,rbf,linear --model bear.safetensors");
   auto options = std::make_shared<Options>();
-  command->add_option("SCAN", options->scans, "Scans to learn from")->required();
+  command->add_option("SCAN", options->scans, "Scans to learn from");
   command->add_option("--out", options->out, "The model file to write (.safetensors)")->required();
-  command->add_option("--preset", options->preset, "Size of the network: tiny or small")->capture_default_str();
+  command
+      ->add_option("--preset", options->preset,
+                   "Network: tiny, small or paper (superres, from small to as published), or blend")
+      ->capture_default_str();
   command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
   command->add_option("--steps", options->train.steps, "Train for so many steps instead")
       ->check(CLI::Range(std::int64_t(1), std::int64_t(1) << 40));
   command->add_option("--crop", options->train.crop, "Side of the training crops, pixels")
       ->capture_default_str()
       ->check(CLI::Range(16, 4096));
-  command->add_option("--learning-rate", options->train.learning_rate, "Of Adam, at the start")
-      ->capture_default_str()
+  command
+      ->add_option("--learning-rate", options->learning_rate, "Of Adam, at the start [0.004; 0.0004 with --start-from]")
       ->check(number_between(1e-8, 1.0));
+  command->add_option("--validate-every", options->train.validate_every, "Steps between validations")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 30));
   command->add_option("--seed", options->train.seed, "Seed of weights and draws")->capture_default_str();
   command
       ->add_option("--hold-out-every", options->hold_out_every,
                    "Never show the network lights 0, n, 2n, ..., so that `evaluate --held-out --every n` is fair")
       ->check(CLI::Range(2, 1000));
+  CLI::Option* simulated =
+      command
+          ->add_option("--simulated", options->simulated,
+                       "Learn from so many simulated views, with the truth between the lights, instead of scans")
+          ->check(CLI::Range(5, 100000));
+  command->add_option("--meshes", options->meshes, "Folder of head meshes for every second simulated view")
+      ->needs(simulated)
+      ->check(CLI::ExistingDirectory);
+  command->add_option("--start-from", options->start_from,
+                      "Train this model (a file, a name, or blend, the shipped one) further on other data");
   command->add_option("--resume", options->train.resume, "Go on from this checkpoint");
   command->callback([options, &context] { run_train(*options, context); });
 }

@@ -14,13 +14,13 @@ namespace {
 
 using Json = nlohmann::json;
 
-constexpr const char* kFormat = "lightstage-superres";
-constexpr const char* kVersion = "1";
+constexpr const char* kFormat = "lightstage-network";
+constexpr const char* kVersion = "2";
 constexpr int kMaxNeighbours = 64;
 constexpr std::size_t kMaxLevels = 8;
 constexpr int kMaxChannels = 512;
-// What the head sees of a neighbour beside its features, and how wide it is inside (docs/model.md).
-constexpr int kColourInputs = 4, kGeometryInputs = 7, kHeadChannels = 16;
+// blend: what the encoder and the head are told of a neighbour beside its pixels, and how wide the head is inside.
+constexpr int kPlaceInputs = 8, kHeadChannels = 16;
 
 std::string shape_text(const std::vector<std::int64_t>& shape) {
   std::string text = "[";
@@ -38,85 +38,179 @@ void check(const NetworkConfig& config) {
     throw fail("there are " + std::to_string(config.channels.size()) + " levels of channels, must be 1 to " +
                std::to_string(kMaxLevels));
   }
-  for (const int channels : config.channels) {
-    if (channels < 4 || channels > kMaxChannels || channels % 4 != 0) {
-      throw fail(std::to_string(channels) + " channels; each level must have 4 to " + std::to_string(kMaxChannels) +
-                 ", a multiple of 4");
+  const auto check_channels = [&](const std::vector<int>& layers) {
+    for (const int channels : layers) {
+      if (channels < 4 || channels > kMaxChannels || channels % 4 != 0) {
+        throw fail(std::to_string(channels) + " channels; each layer must have 4 to " + std::to_string(kMaxChannels) +
+                   ", a multiple of 4");
+      }
     }
+  };
+  check_channels(config.channels);
+  check_channels(config.query_channels);
+  const bool superres = config.architecture == Architecture::kSuperres;
+  if (config.query_channels.size() > kMaxLevels || config.query_channels.empty() == superres) {
+    throw fail(superres ? "superres needs 1 to 8 query_channels" : "blend has no query_channels");
   }
+  if (!superres && config.pooling != Pooling::kAliasFree) throw fail("blend pools alias_free only");
   if (!std::isfinite(config.sharpness) || config.sharpness <= 0) {
     throw fail("sharpness is " + core::number_text(config.sharpness) + ", must be a finite number > 0");
   }
 }
 
+// Tensors, by the parts that both networks are made of.
+struct TensorList {
+  std::vector<TensorInfo> all;
+
+  void add(const std::string& name, std::vector<std::int64_t> shape) { all.push_back({name, std::move(shape)}); }
+  void add_conv(const std::string& name, int out, int in, int size = 3) {
+    add(name + ".conv.weight", {out, in, size, size});
+    add(name + ".conv.bias", {out});
+  }
+  void add_norm(const std::string& name, int channels) {
+    add(name + ".norm.scale", {channels});
+    add(name + ".norm.shift", {channels});
+  }
+  void add_slope(const std::string& name, int channels) { add(name + ".slope", {channels}); }
+};
+
+std::string numbered(const char* name, int number) {
+  return name + ("." + std::to_string(number));
+}
+
+void add_superres(TensorList& tensors, const NetworkConfig& config) {
+  const auto& channels = config.channels;
+  const int levels = int(channels.size());
+  // What leaves the encoder before level l has the channels of l - 1; decoder l gives them back.
+  const auto outer = [&](int level) { return channels[std::size_t(std::max(level - 1, 0))]; };
+  for (int level = 0; level < levels; ++level) {
+    const std::string name = numbered("encoder", level);
+    tensors.add_conv(name, channels[std::size_t(level)], level == 0 ? 6 : outer(level));
+    tensors.add_norm(name, channels[std::size_t(level)]);
+    tensors.add_slope(name, channels[std::size_t(level)]);
+  }
+  int width = 3;
+  for (int layer = 0; layer < int(config.query_channels.size()); ++layer) {
+    const std::string name = numbered("query", layer);
+    const int out = config.query_channels[std::size_t(layer)];
+    tensors.add(name + ".weight", {out, width});
+    tensors.add(name + ".bias", {out});
+    tensors.add_norm(name, out);
+    tensors.add_slope(name, out);
+    width = out;
+  }
+  for (int level = levels - 1; level >= 0; --level) {
+    const std::string name = numbered("decoder", level);
+    const int out = outer(level);
+    tensors.add(name + ".conv.weight",
+                {width + channels[std::size_t(level)], out, 3, 3});  // as conv_transpose2d takes it
+    tensors.add(name + ".conv.bias", {out});
+    tensors.add_norm(name, out);
+    tensors.add_slope(name, out);
+    width = out;
+  }
+  for (int level = 0; level < levels; ++level) {
+    tensors.add_conv(numbered("output", level), 3, outer(level));
+    if (level == 0) continue;
+    tensors.add_conv(numbered("inject", level), outer(level), 6, 1);
+    tensors.add_slope(numbered("inject", level), outer(level));
+  }
+}
+
+void add_blend(TensorList& tensors, const NetworkConfig& config) {
+  const auto& channels = config.channels;
+  const int levels = int(channels.size());
+  const int finest = channels.front();
+  for (int level = 0; level < levels; ++level) {
+    const std::string name = numbered("encoder", level);
+    const int out = channels[std::size_t(level)];
+    tensors.add_conv(name, out, level == 0 ? 6 : channels[std::size_t(level - 1)]);
+    if (level == 0) {
+      tensors.add(name + ".place.weight", {out, kPlaceInputs});
+    } else {
+      tensors.add_norm(name, out);
+    }
+    tensors.add_slope(name, out);
+  }
+  tensors.add_conv("guide", finest, 3);
+  tensors.add_slope("guide", finest);
+  int width = 2 * channels.back();  // mean and spread
+  for (int level = levels - 2; level >= 0; --level) {
+    const std::string name = numbered("decoder", level);
+    const int out = channels[std::size_t(level)];
+    tensors.add_conv(name, 4 * out, width);
+    tensors.add_slope(name, out);
+    width = 3 * out;
+  }
+  tensors.add_conv("join", 2 * finest, width + finest);
+  tensors.add_slope("join", 2 * finest);
+  tensors.add("head.joined.weight", {kHeadChannels, 2 * finest, 1, 1});
+  tensors.add("head.joined.bias", {kHeadChannels});
+  tensors.add("head.neighbour.weight", {kHeadChannels, finest + 3, 1, 1});
+  tensors.add("head.place.weight", {kHeadChannels, kPlaceInputs});
+  tensors.add_slope("head", kHeadChannels);
+  tensors.add("head.logit.weight", {1, kHeadChannels, 1, 1});
+  tensors.add("head.logit.bias", {1});
+  tensors.add_conv("residual", 3, 2 * finest);
+}
+
 }  // namespace
 
+std::string_view architecture_name(Architecture architecture) {
+  return architecture == Architecture::kSuperres ? "superres" : "blend";
+}
+
 NetworkConfig network_preset(const std::string& name) {
-  if (name == "tiny") return {};
-  if (name == "small") return {.neighbours = 8, .channels = {16, 32, 64, 128, 192}, .sharpness = 4.0};
-  throw core::UsageError("there is no network preset '" + name + "'; presets are: tiny small");
+  if (name == "tiny") return {.channels = {16, 32, 48, 64}, .query_channels = {16, 32}};
+  if (name == "small") return {.channels = {16, 32, 64, 128, 192}, .query_channels = {32, 64, 128}};
+  if (name == "paper") return {.channels = {32, 64, 128, 256, 512, 512, 512}, .query_channels = {32, 128, 512}};
+  if (name == "blend") return {.architecture = Architecture::kBlend, .channels = {16, 32, 64, 96, 128}};
+  throw core::UsageError("there is no network preset '" + name + "'; presets are: tiny small paper blend");
 }
 
 std::vector<TensorInfo> network_tensors(const NetworkConfig& config) {
   check(config);
-  std::vector<TensorInfo> tensors;
-  const auto add = [&](const std::string& name, std::vector<std::int64_t> shape) {
-    tensors.push_back({name, std::move(shape)});
-  };
-  const auto add_conv = [&](const std::string& name, int out, int in) {
-    add(name + ".weight", {out, in, 3, 3});
-    add(name + ".bias", {out});
-  };
-  const auto& channels = config.channels;
-  const int levels = int(channels.size());
-  for (int level = 0; level < levels; ++level) {
-    const std::string name = "encoder." + std::to_string(level);
-    const int out = channels[std::size_t(level)];
-    add_conv(name + ".conv", out, level == 0 ? 6 : channels[std::size_t(level - 1)]);
-    if (level > 0) {
-      add(name + ".norm.scale", {out});
-      add(name + ".norm.shift", {out});
-    }
-    add(name + ".slope", {out});
+  TensorList tensors;
+  if (config.architecture == Architecture::kSuperres) {
+    add_superres(tensors, config);
+  } else {
+    add_blend(tensors, config);
   }
-  int decoded = 0;
-  for (int level = levels - 2; level >= 0; --level) {
-    const std::string name = "decoder." + std::to_string(level);
-    const int out = channels[std::size_t(level)];
-    const int query = level == levels - 2 ? 3 : 0;  // the query direction enters at the coarsest level
-    add_conv(name + ".conv", 4 * out, decoded + channels[std::size_t(level + 1)] + query);
-    add(name + ".slope", {out});
-    decoded = out;
-  }
-  const int finest = channels.front();
-  add_conv("decoder.join.conv", finest, decoded + finest + 3 + (levels == 1 ? 3 : 0));
-  add("decoder.join.slope", {finest});
-
-  const int hidden = kHeadChannels;
-  add("head.decoded.weight", {hidden, finest, 1, 1});
-  add("head.decoded.bias", {hidden});
-  add("head.neighbour.weight", {hidden, finest + kColourInputs, 1, 1});
-  add("head.geometry.weight", {hidden, kGeometryInputs});
-  add("head.slope", {hidden});
-  add("head.logit.weight", {1, hidden, 1, 1});
-  add("head.tilt", {2});
-  add("log_sharpness", {});
-  return tensors;
+  tensors.add("log_sharpness", {});
+  return std::move(tensors.all);
 }
 
 std::string config_to_json(const NetworkConfig& config) {
-  return Json{{"neighbours", config.neighbours}, {"channels", config.channels}, {"sharpness", config.sharpness}}.dump();
+  return Json{{"architecture", architecture_name(config.architecture)},
+              {"neighbours", config.neighbours},
+              {"channels", config.channels},
+              {"query_channels", config.query_channels},
+              {"sharpness", config.sharpness},
+              {"pooling", config.pooling == Pooling::kAliasFree ? "alias_free" : "average"}}
+      .dump();
 }
 
 NetworkConfig config_from_json(const std::string& json) {
   NetworkConfig config;
   try {
     const Json parsed = Json::parse(json);
+    const auto one_of = [&](const char* key, const std::string& first, const std::string& second) {
+      const auto name = parsed.at(key).get<std::string>();
+      if (name != first && name != second) {
+        throw core::BadInput("network configuration: " + std::string(key) + " is '" + name + "', must be " + first +
+                             " or " + second);
+      }
+      return name == first;
+    };
+    config.architecture = one_of("architecture", "superres", "blend") ? Architecture::kSuperres : Architecture::kBlend;
     config.neighbours = parsed.at("neighbours").get<int>();
     config.channels = parsed.at("channels").get<std::vector<int>>();
+    config.query_channels = parsed.at("query_channels").get<std::vector<int>>();
     config.sharpness = parsed.at("sharpness").get<double>();
+    config.pooling = one_of("pooling", "alias_free", "average") ? Pooling::kAliasFree : Pooling::kAverage;
   } catch (const Json::exception&) {
-    throw core::BadInput("network configuration: needs neighbours, channels and sharpness");
+    throw core::BadInput(
+        "network configuration: needs architecture, neighbours, channels, query_channels, sharpness and pooling");
   }
   check(config);
   return config;

@@ -5,24 +5,45 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace lightstage::model {
 
-// Every size of the network; docs/model.md draws it.
+enum class Architecture {
+  kSuperres,  // the published decoder, which draws the picture from the pooled features (Sun et al. 2020)
+  kBlend,     // chooses among the captured pixels and the thin-plate picture, and adds a small residual
+};
+
+// How the features of the active set become one.
+enum class Pooling {
+  kAliasFree,  // weighted by W_i: continuous in the query (Sun et al. 2020, section 4.2)
+  kAverage,    // the plain mean: jumps where the active set changes; the publication's ablation
+};
+
+// Every size of a network; docs/model.md draws both.
 struct NetworkConfig {
+  Architecture architecture = Architecture::kSuperres;
   int neighbours = 8;  // k, lights in the active set: 1 to 64
-  // Of the encoder's levels: the first at full resolution, each next at half the one before. 1 to 8 levels of 4 to 512 channels,
-  // multiples of 4.
-  std::vector<int> channels{12, 24, 48, 64};
-  // s of the alias-free weights times the squared light spacing (radians), so that it carries to other stages. The network starts as
-  // linear blending with this s.
+  // Of the encoder's levels, each half as wide and high as the one before: 1 to 8 levels of 4 to 512 channels, multiples of 4. The first is
+  // at half the picture's size in superres, at its full size in blend.
+  std::vector<int> channels;
+  // superres: of the fully connected layers on the query's direction, at least one; blend: none.
+  std::vector<int> query_channels;
+  // s of the alias-free weights times the squared light spacing (radians), so that it carries to other stages; learned from there.
   double sharpness = 4.0;
+  Pooling pooling = Pooling::kAliasFree;  // blend knows no other
 
   friend bool operator==(const NetworkConfig&, const NetworkConfig&) = default;
 };
 
-// tiny, small: for minutes and for an hour on two cores. Throws UsageError for another name.
+// "superres" or "blend": also the name of the method that uses it.
+std::string_view architecture_name(Architecture architecture);
+
+// Throws UsageError for another name.
+//   tiny, small   superres for minutes and for an hour on two cores
+//   paper         superres as published: 7 levels of 32 to 512 channels
+//   blend         the network that is shipped
 NetworkConfig network_preset(const std::string& name);
 
 struct TensorInfo {

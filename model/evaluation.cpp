@@ -57,14 +57,12 @@ class Judge {
     const auto start = std::chrono::steady_clock::now();
     const core::Image picture = method.render(query);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
-    core::require_finite(
-        picture, "the picture that " + std::string(method.name()) + " makes of scan '" + scan_.name() + "'");
+    core::require_finite(picture,
+                         "the picture that " + std::string(method.name()) + " makes of scan '" + scan_.name() + "'");
     // A method may answer a grey scan in colour.
     const bool same_channels = picture.channels() == truth.channels();
-    const core::Image is =
-        judged(same_channels ? picture : core::to_rgb(picture), exposure_, options_.linear_values);
-    const core::Image should =
-        judged(same_channels ? truth : core::to_rgb(truth), exposure_, options_.linear_values);
+    const core::Image is = judged(same_channels ? picture : core::to_rgb(picture), exposure_, options_.linear_values);
+    const core::Image should = judged(same_channels ? truth : core::to_rgb(truth), exposure_, options_.linear_values);
     tally.add(mean_squared_error(is, should, scan_.mask()), squared_h1(is, should, scan_.mask()),
               dssim(is, should, scan_.mask()), elapsed.count());
   }
@@ -90,11 +88,9 @@ core::Image judged(core::ImageView linear, double exposure, bool linear_values) 
   return result;
 }
 
-std::vector<MethodScore> evaluate_held_out(const core::OlatScan& scan,
-                                           std::span<const InterpolatorFactory> methods, int every,
-                                           const EvaluationOptions& options) {
-  if (every < 1)
-    throw core::UsageError("every n-th light can be left out for n >= 1, not " + std::to_string(every));
+std::vector<MethodScore> evaluate_held_out(const core::OlatScan& scan, std::span<const InterpolatorFactory> methods,
+                                           int every, const EvaluationOptions& options) {
+  if (every < 1) throw core::UsageError("every n-th light can be left out for n >= 1, not " + std::to_string(every));
   if (scan.light_count() < 2)
     throw core::UsageError("scan '" + scan.name() + "' has one light: none can be left out and predicted");
   const std::size_t step = std::size_t(every);

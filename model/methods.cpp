@@ -6,8 +6,9 @@
 #include "core/sphere.h"
 #include "core/text.h"
 #include "model/alias_free_weights.h"
+#include "model/checkpoint.h"
 #include "model/classical.h"
-#include "model/superres.h"
+#include "model/network_interpolator.h"
 
 namespace lightstage::model {
 
@@ -18,6 +19,18 @@ struct Entry {
   MethodInfo info;
   std::unique_ptr<LightInterpolator> (*make)(const core::OlatScan& scan, const MethodOptions& options);
 };
+
+template <Architecture architecture>
+std::unique_ptr<LightInterpolator> make_network(const core::OlatScan& scan, const MethodOptions& options) {
+  const std::string name(architecture_name(architecture));
+  if (options.model_file.empty()) throw core::UsageError(name + " needs a model file");
+  const Architecture found = read_checkpoint_info(options.model_file).config.architecture;
+  if (found != architecture) {
+    throw core::UsageError(options.model_file.string() + ": is a model for --method " +
+                           std::string(architecture_name(found)) + ", not " + name);
+  }
+  return make_network_interpolator(scan, options.model_file);
+}
 
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
@@ -35,13 +48,13 @@ const std::vector<Entry>& entries() {
         "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance functions for "
         "image-based relighting"},
        [](const core::OlatScan& scan, const MethodOptions& options) { return make_rbf(scan, options.domain); }},
-      {{"superres", "the network trained by `lightstage train`; sharp shadows and highlights between lights",
+      {{"blend",
+        "a network that corrects rbf by choosing among captured pixels; sharp shadows, and no training is needed",
+        "after Sun et al. 2020, Light Stage Super-Resolution"},
+       make_network<Architecture::kBlend>},
+      {{"superres", "the published network, trained by `lightstage train`; draws the picture anew",
         "Sun et al. 2020, Light Stage Super-Resolution"},
-       [](const core::OlatScan& scan, const MethodOptions& options) {
-         if (options.model_file.empty())
-           throw core::UsageError("superres needs a model file; train one with `lightstage train`");
-         return make_superres(scan, options.model_file);
-       }},
+       make_network<Architecture::kSuperres>},
   };
   return all;
 }

@@ -22,17 +22,18 @@ struct MethodInfo {
   std::string citation;  // "Sun et al. 2020, Light Stage Super-Resolution"
 };
 
-// nearest, linear, rbf, superres; in this order.
+// nearest, linear, rbf, blend, superres; in this order.
 const std::vector<MethodInfo>& methods();
 
 struct MethodOptions {
-  Domain domain = Domain::kDisplay;   // of linear and rbf; nearest is the same in both, superres works display-encoded
-  int neighbours = 8;                 // k of linear; superres takes its own from the checkpoint unless the scan has fewer lights
-  std::optional<double> sharpness;    // s of linear; default_sharpness of the scan's spacing otherwise
-  std::filesystem::path model_file;   // checkpoint for superres
+  Domain domain = Domain::kDisplay;  // of linear and rbf; nearest is the same in both, networks work display-encoded
+  int neighbours = 8;                // k of linear; networks take theirs from the checkpoint
+  std::optional<double> sharpness;   // s of linear; default_sharpness of the scan's spacing otherwise
+  std::filesystem::path model_file;  // checkpoint for blend and superres
 };
 
-// Throws UsageError for a name that does not exist (with the nearest one) or a superres without model file, BadInput for
+// Throws UsageError for a name that does not exist (with the nearest one) or a network without model file or with
+// another network's, BadInput for
 // a checkpoint that cannot be used.
 std::unique_ptr<LightInterpolator> make_interpolator(std::string_view method, const core::OlatScan& scan,
                                                      const MethodOptions& options = {});

@@ -24,14 +24,11 @@ struct Comparison {
   core::ImageView a, b, mask;
   std::size_t values = 0;  // masked pixels times channels
 
-  Comparison(core::ImageView first, core::ImageView second, core::ImageView where)
-      : a(first), b(second), mask(where) {
+  Comparison(core::ImageView first, core::ImageView second, core::ImageView where) : a(first), b(second), mask(where) {
     if (a.size() != b.size())
-      throw core::BadInput("pictures of " + text_of(a.size()) + " and " + text_of(b.size()) +
-                           " cannot be compared");
+      throw core::BadInput("pictures of " + text_of(a.size()) + " and " + text_of(b.size()) + " cannot be compared");
     if (!mask.empty() && mask.size() != core::ImageSize{a.height(), a.width(), 1})
-      throw core::BadInput("a mask of " + text_of(mask.size()) + " does not fit pictures of " +
-                           text_of(a.size()));
+      throw core::BadInput("a mask of " + text_of(mask.size()) + " does not fit pictures of " + text_of(a.size()));
     for (int y = 0; y < a.height(); ++y)
       for (int x = 0; x < a.width(); ++x)
         if (inside(y, x)) values += std::size_t(a.channels());

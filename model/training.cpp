@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
+#include <numeric>
 
 #include "core/error.h"
 #include "core/file.h"
@@ -36,11 +39,10 @@ constexpr int kWarmUpSteps = 20;
 // stand between lights: s follows the training slowly.
 constexpr double kSharpnessRate = 0.1;
 
-void check(std::span<const core::OlatScan> scans, const TrainOptions& options) {
+void check(const TrainOptions& options) {
   const auto require = [](bool holds, const std::string& problem) {
     if (!holds) throw core::UsageError("training: " + problem);
   };
-  require(!scans.empty(), "there is no scan to train on");
   require(options.minutes || options.steps, "give the minutes or the steps that it may take");
   require(!options.minutes || (std::isfinite(*options.minutes) && *options.minutes > 0),
           "minutes must be a number > 0");
@@ -53,7 +55,19 @@ void check(std::span<const core::OlatScan> scans, const TrainOptions& options) {
 }
 
 // What must be equal for a run to be resumed.
-Json settings(std::span<const core::OlatScan> scans, const TrainOptions& options) {
+Json settings(const Json& data, const TrainOptions& options) {
+  return {{"data", data},
+          {"config", Json::parse(config_to_json(options.config))},
+          {"seed", options.seed},
+          {"crop", options.crop},
+          {"candidates", options.candidates},
+          {"learning_rate", options.learning_rate},
+          {"validate_every", options.validate_every},
+          {"held_out_every", options.held_out_every},
+          {"start_from", options.start_from ? options.start_from->filename().string() : ""}};
+}
+
+Json description(std::span<const core::OlatScan> scans) {
   Json names = Json::array();
   for (const core::OlatScan& scan : scans) {
     names.push_back({{"name", scan.name()},
@@ -61,38 +75,46 @@ Json settings(std::span<const core::OlatScan> scans, const TrainOptions& options
                      {"height", scan.image_size().height},
                      {"width", scan.image_size().width}});
   }
-  return {{"scans", names},
-          {"config", Json::parse(config_to_json(options.config))},
-          {"seed", options.seed},
-          {"crop", options.crop},
-          {"candidates", options.candidates},
-          {"learning_rate", options.learning_rate},
-          {"validate_every", options.validate_every},
-          {"held_out_every", options.held_out_every}};
+  return names;
 }
 
 struct Errors {
   Tensor absolute, squared;  // means over the masked values
 };
 
-Errors errors(const Network& network, const Example& example) {
-  const ActiveSet set = network.active_set(example.query, example.lights, example.active, example.spacing);
-  const Pyramid features = network.encode(example.images, set.directions);
-  const Tensor logits = network.logits(features, example.images, example.guide, set);
-  const Tensor difference = (blend(example.images, set.weights, logits) - example.truth) * example.mask;
+Errors errors(const Tensor& picture, const Example& example) {
+  const Tensor difference = (picture - example.truth) * example.mask;
   const Tensor count = 3 * example.mask.sum();
   return {difference.abs().sum() / count, difference.square().sum() / count};
 }
 
+Tensor predict(const Network& network, const Example& example) {
+  std::vector<std::size_t> all(example.lights.size());
+  std::iota(all.begin(), all.end(), std::size_t(0));
+  return network.predict(example.images, example.guide,
+                         network.active_set(example.query, example.lights, all, example.spacing));
+}
+
+std::unique_ptr<Network> first_network(const TrainOptions& options) {
+  if (!options.start_from) return make_network(options.config, options.seed);
+  std::unique_ptr<Network> network = load_network(*options.start_from);
+  if (!(network->config() == options.config)) {
+    throw core::UsageError(options.start_from->string() + ": is a network of another configuration");
+  }
+  return network;
+}
+
 class Run {
  public:
-  Run(std::span<const core::OlatScan> scans, const TrainOptions& options, const fs::path& out)
+  // `make_data` is given the size that windows must be multiples of.
+  Run(const TrainOptions& options, const fs::path& out, const Json& data_description,
+      const std::function<std::unique_ptr<TrainingData>(int multiple)>& make_data)
       : options_(options),
         out_(out),
-        settings_(settings(scans, options)),
-        network_(options.config, options.seed),
-        optimiser_(parameter_groups(network_), torch::optim::AdamOptions(options.learning_rate).eps(1e-7)),
-        data_(scans, options, network_.size_multiple()) {}
+        settings_(settings(data_description, options)),
+        network_(first_network(options)),
+        optimiser_(parameter_groups(*network_), torch::optim::AdamOptions(options.learning_rate).eps(1e-7)),
+        data_(make_data(network_->size_multiple())) {}
 
   TrainReport train();
 
@@ -102,6 +124,7 @@ class Run {
   void start();
   // False when the loss or a gradient was not finite; the weights are then as before.
   bool step();
+  double validation(const std::function<torch::Tensor(const Example&)>& picture) const;
   double validation() const;
   void validate();
   void write_csv() const;
@@ -118,9 +141,9 @@ class Run {
   const TrainOptions& options_;
   fs::path out_;
   Json settings_;
-  Network network_;
+  std::unique_ptr<Network> network_;
   torch::optim::Adam optimiser_;
-  TrainingData data_;
+  std::unique_ptr<TrainingData> data_;
   TrainingState state_;
   double seconds_before_ = 0;  // of the runs that this one resumes
   double last_loss_ = 0;
@@ -136,7 +159,7 @@ std::vector<torch::optim::OptimizerParamGroup> Run::parameter_groups(const Netwo
 
 void Run::start() {
   if (options_.resume) {
-    state_ = load_state(state_path(*options_.resume), settings_.dump(), network_, optimiser_);
+    state_ = load_state(state_path(*options_.resume), settings_.dump(), *network_, optimiser_);
     seconds_before_ = state_.seconds;
     if (*options_.resume != out_) {
       core::write_file_atomically(out_,
@@ -144,8 +167,9 @@ void Run::start() {
     }
     return;
   }
-  state_.linear_validation = state_.best_validation = validation();
-  save_network(out_, network_, provenance());
+  state_.guide_validation = validation([](const Example& example) { return example.guide; });
+  state_.best_validation = validation();
+  save_network(out_, *network_, provenance());
   save();
 }
 
@@ -165,12 +189,14 @@ bool Run::step() {
     static_cast<torch::optim::AdamOptions&>(groups[i].options()).lr(rate);
   }
 
-  const Errors error = errors(network_, data_.training_draw(state_.step));
-  const Tensor loss = error.absolute + kSquaredWeight * error.squared;
+  const Example example = data_->training_draw(state_.step);
+  const Errors error = errors(predict(*network_, example), example);
+  const bool blend = network_->config().architecture == Architecture::kBlend;
+  const Tensor loss = blend ? error.absolute + kSquaredWeight * error.squared : error.absolute;
   optimiser_.zero_grad();
   loss.backward();
   std::vector<Tensor> parameters;
-  for (const auto& entry : network_.parameters()) parameters.push_back(entry.second);
+  for (const auto& entry : network_->parameters()) parameters.push_back(entry.second);
   const double gradient = torch::nn::utils::clip_grad_norm_(parameters, kLargestGradient);
   if (!std::isfinite(loss.item<double>()) || !std::isfinite(gradient)) return false;
   optimiser_.step();
@@ -182,12 +208,18 @@ bool Run::step() {
   return true;
 }
 
-double Run::validation() const {
+double Run::validation(const std::function<Tensor(const Example&)>& picture) const {
   const torch::NoGradGuard no_gradients;
   double sum = 0;
-  for (int i = 0; i < data_.validation_count(); ++i)
-    sum += errors(network_, data_.validation_draw(i)).absolute.item<double>();
-  return sum / data_.validation_count();
+  for (int i = 0; i < data_->validation_count(); ++i) {
+    const Example example = data_->validation_draw(i);
+    sum += errors(picture(example), example).absolute.item<double>();
+  }
+  return sum / data_->validation_count();
+}
+
+double Run::validation() const {
+  return validation([&](const Example& example) { return predict(*network_, example); });
 }
 
 void Run::validate() {
@@ -201,19 +233,19 @@ void Run::validate() {
   state_.loss_count = 0;
   if (point.validation < state_.best_validation) {
     state_.best_validation = point.validation;
-    save_network(out_, network_, provenance());
+    save_network(out_, *network_, provenance());
   }
   save();
 }
 
 void Run::save() {
   state_.seconds = elapsed();
-  save_state(state_path(out_), state_, settings_.dump(), network_, optimiser_);
+  save_state(state_path(out_), state_, settings_.dump(), *network_, optimiser_);
   write_csv();
 }
 
 void Run::write_csv() const {
-  std::string text = "step,seconds,train_l1,validation_l1\n0,0,," + core::number_text(state_.linear_validation) + "\n";
+  std::string text = "step,seconds,train_l1,validation_l1\n0,0,," + core::number_text(state_.guide_validation) + "\n";
   for (const LossPoint& p : state_.curve) {
     text += std::to_string(p.step) + "," + core::number_text(p.seconds, 6) + "," + core::number_text(p.train) + "," +
             core::number_text(p.validation) + "\n";
@@ -228,7 +260,7 @@ std::string Run::provenance() const {
   json["program"] = core::kVersion;
   json["steps"] = state_.step;
   json["validation_l1"] = state_.best_validation;
-  json["linear_validation_l1"] = state_.linear_validation;
+  json["rbf_validation_l1"] = state_.guide_validation;
   return json.dump();
 }
 
@@ -237,8 +269,8 @@ void Run::show(core::Progress& progress, std::size_t& shown, std::size_t total) 
   if (now > shown) progress.advance(now - shown);
   shown = std::max(shown, now);
   progress.set_status("step " + std::to_string(state_.step) + ", loss " + core::number_text(last_loss_, 3) +
-                      ", validation " + core::number_text(state_.best_validation, 4) + " (linear " +
-                      core::number_text(state_.linear_validation, 4) + ")");
+                      ", validation " + core::number_text(state_.best_validation, 4) + " (rbf " +
+                      core::number_text(state_.guide_validation, 4) + ")");
 }
 
 TrainReport Run::train() {
@@ -271,19 +303,31 @@ TrainReport Run::train() {
   }
   report.steps = state_.step;
   report.seconds = elapsed();
-  for (const auto& entry : network_.parameters()) report.parameters += std::size_t(entry.second.numel());
+  for (const auto& entry : network_->parameters()) report.parameters += std::size_t(entry.second.numel());
   report.curve = state_.curve;
-  report.linear_validation = state_.linear_validation;
+  report.best_validation = state_.best_validation;
+  report.guide_validation = state_.guide_validation;
   return report;
 }
 
 }  // namespace
 
 TrainReport train(std::span<const core::OlatScan> scans, const TrainOptions& options, const fs::path& out) {
-  check(scans, options);
+  check(options);
+  if (scans.empty()) throw core::UsageError("training: there is no scan to train on");
   const core::InterruptGuard guard;
   prepare_torch();
-  return Run(scans, options, out).train();
+  return Run(options, out, description(scans), [&](int multiple) { return captured_data(scans, options, multiple); })
+      .train();
+}
+
+TrainReport train(const SimulatedViews& views, const TrainOptions& options, const fs::path& out) {
+  check(options);
+  const core::InterruptGuard guard;
+  prepare_torch();
+  return Run(options, out, Json::parse(views.description),
+             [&](int multiple) { return simulated_data(views, options, multiple); })
+      .train();
 }
 
 }  // namespace lightstage::model

@@ -1,8 +1,10 @@
-// Training the super-resolution network on captured scans (Sun et al. 2020, section 4.4).
+// Training a network on captured scans (Sun et al. 2020, section 4.4), or on simulated ones.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <span>
 #include <string>
@@ -18,12 +20,15 @@ struct TrainOptions {
   std::uint64_t seed = 1;
   int crop = 96;        // pixels; smaller images are taken whole
   int candidates = 16;  // m: the active set is `config.neighbours` of the m lights nearest to the query, at random
-  double learning_rate = 4e-3;                  // decays to 1/100 along a cosine over the time or step budget
-  std::optional<double> minutes;                // stop after so long (wall clock, everything included), or
-  std::optional<std::int64_t> steps;            // after so many steps; at least one of the two
-  int validate_every = 200;                     // steps
-  int held_out_every = 0;            // the scans given lack every n-th light of the stage, kept for evaluation; recorded in the checkpoint (0: none)
+  double learning_rate = 4e-3;        // decays to 1/100 along a cosine over the time or step budget
+  std::optional<double> minutes;      // stop after so long (wall clock, everything included), or
+  std::optional<std::int64_t> steps;  // after so many steps; at least one of the two
+  int validate_every = 200;           // steps
+  int held_out_every =
+      0;  // the scans given lack every n-th light of the stage, kept for evaluation; recorded in the checkpoint (0: none)
   std::optional<std::filesystem::path> resume;  // a checkpoint written by an earlier run with the same settings
+  std::optional<std::filesystem::path>
+      start_from;  // a checkpoint of the same configuration, to be trained on with other data
 };
 
 struct LossPoint {
@@ -38,18 +43,39 @@ struct TrainReport {
   double seconds = 0;
   std::size_t parameters = 0;
   std::vector<LossPoint> curve;
-  double linear_validation = 0;  // the same error for linear blending: the network starts there
-  bool stopped_by_nan = false;   // the loss or its gradient was not finite; the checkpoint is the last good one
+  double best_validation = 0;   // of the checkpoint written
+  double guide_validation = 0;  // the same error of thin-plate interpolation, the method `rbf`
+  bool stopped_by_nan = false;  // the loss or its gradient was not finite; the checkpoint is the last good one
+};
+
+// What a simulated stage captures of a subject, noise and all, and the truth where none of its lights stands, which a real stage cannot know:
+// queries stand where users' do, between lights, and not in a light's own place. Truth is in the units and pose of the scan's images.
+struct TruthView {
+  core::OlatScan scan;
+  std::vector<core::Direction> queries;
+  std::vector<core::Image> truth;  // one a query
+};
+
+// `make(i)`, for i below count, gives the same view each time it is asked; it is asked when a view is first needed, so a run begins at once. The first
+// few views serve validation.
+struct SimulatedViews {
+  std::size_t count = 0;
+  std::string description;  // JSON of all that decides what is made; recorded as provenance
+  std::function<TruthView(std::size_t index)> make;
 };
 
 // Query and truth are one captured light; its active set never holds it, nor any light in its place, as no capture stands where a user
 // will ask. About one light in sixteen is never a truth, for validation. Random crops inside the mask's bounding box; the loss is masked
-// L1 plus 4 times the masked squared error (pictures are judged by its root) of display-encoded values up to 2; Adam
+// L1, for blend plus 4 times the masked squared error (pictures are judged by its root), of display-encoded values up to 2; Adam
 // (0.9, 0.999, 1e-7). Writes the best checkpoint by validation to `out` (atomically; first the untrained one, then at every
 // validation that improves) together with the optimiser's state in OUT.state for resuming, and the curve as OUT.csv. A resumed run
 // counts the steps and the time of the runs before it into its budget. Bit-equal for a seed and step budget on one thread, resumed or
-// not. Memory: 24 bytes a light and pixel of the mask's bounding box. Throws UsageError for options out of range and for scans with
+// not. Memory: 12 bytes a light and pixel of the mask's bounding box. Throws UsageError for options out of range and for scans with
 // fewer lights than neighbours + 1, BadInput for a state that cannot be resumed, Interrupted on Ctrl-C after writing the state.
 TrainReport train(std::span<const core::OlatScan> scans, const TrainOptions& options, const std::filesystem::path& out);
+
+// The same on simulated views; active sets are the nearest lights, and half the draws are mirrored. Memory: 6 bytes a pixel, light and query, and
+// another 6 a query, for each view made so far.
+TrainReport train(const SimulatedViews& views, const TrainOptions& options, const std::filesystem::path& out);
 
 }  // namespace lightstage::model

@@ -9,6 +9,7 @@
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/text.h"
+#include "model/shipped_model.h"
 
 namespace lightstage::cli {
 
@@ -17,9 +18,12 @@ void add_method_options(CLI::App& command, MethodChoice& choice) {
   for (const model::MethodInfo& method : model::methods()) {
     names += "\n  " + method.name + ": " + method.summary + " (" + method.citation + ")";
   }
-  command.add_option("--method", choice.method,
-                     "How pictures between the lights are made [superres if the scan has a model, else rbf]:" + names);
-  command.add_option("--model", choice.model, "Model file or name, for superres [the newest trained on this scan]");
+  command.add_option(
+      "--method", choice.method,
+      "How pictures between the lights are made [by the newest model trained on the scan, else blend]:" + names);
+  command.add_option(
+      "--model", choice.model,
+      "Model file or name, for blend and superres [the newest trained on the scan; blend has one from the start]");
   command.add_option("--neighbours", choice.options.neighbours, "Lights that linear blends")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));
@@ -41,15 +45,31 @@ MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id 
     throw core::UsageError("no method '" + choice.method + "'" + core::did_you_mean(choice.method, names));
   }
   MethodChoice resolved = choice;
-  const bool open = choice.method.empty();
-  if (open || choice.method == "superres") {
-    if (const auto file = find_model(store, choice.model, scan_id)) resolved.options.model_file = *file;
+  std::filesystem::path& file = resolved.options.model_file;
+  const std::optional<model::Architecture> architecture = network_of(choice.method);
+  if (!choice.method.empty() && !architecture) return resolved;
+  if (!choice.model.empty()) {
+    file = find_model(store, choice.model);
+  } else {
+    file = newest_model(store, scan_id, architecture).value_or("");
+    if (file.empty() && architecture != model::Architecture::kSuperres) file = model::shipped_blend();
   }
-  if (open) resolved.method = resolved.options.model_file.empty() ? "rbf" : "superres";
-  if (resolved.method == "superres" && resolved.options.model_file.empty()) {
-    throw core::UsageError("no model was trained on this scan: give --model FILE, or run `lightstage train`");
+  if (choice.method.empty()) {
+    resolved.method =
+        file.empty() ? "rbf" : model::architecture_name(model::read_checkpoint_info(file).config.architecture);
+  }
+  if (architecture && file.empty()) {
+    throw core::UsageError("no " + choice.method +
+                           " model was trained on this scan: give --model FILE, or run `lightstage train`");
   }
   return resolved;
+}
+
+std::optional<model::Architecture> network_of(const std::string& method) {
+  for (const auto architecture : {model::Architecture::kSuperres, model::Architecture::kBlend}) {
+    if (method == model::architecture_name(architecture)) return architecture;
+  }
+  return std::nullopt;
 }
 
 }  // namespace lightstage::cli

@@ -2,10 +2,12 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "core/olat_scan.h"
 #include "db/store.h"
+#include "model/checkpoint.h"
 #include "model/methods.h"
 
 namespace CLI {
@@ -15,7 +17,7 @@ class App;
 namespace lightstage::cli {
 
 struct MethodChoice {
-  std::string method;  // a name, or empty: superres where a model of the scan exists, else rbf
+  std::string method;  // a name, or empty: that of the newest model of the scan, else blend
   std::string model;   // file or name
   model::MethodOptions options;
 };
@@ -23,7 +25,10 @@ struct MethodChoice {
 // Adds --method, --model, --neighbours, --sharpness and --domain.
 void add_method_options(CLI::App& command, MethodChoice& choice);
 
-// Fills in what the user left open: the model file, the method. Throws UsageError when superres has no model.
+// Fills in what the user left open: the method and, for networks, the model file. Throws UsageError when superres has no model.
 MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id);
+
+// The architecture that a method of this name uses; nothing for methods that are no networks.
+std::optional<model::Architecture> network_of(const std::string& method);
 
 }  // namespace lightstage::cli

@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/text.h"
+#include "model/shipped_model.h"
 
 namespace lightstage::cli {
 
@@ -23,26 +24,45 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
   return db::load_scan(store, name, options);
 }
 
-std::optional<std::filesystem::path> find_model(const db::Store& store, const std::string& file_or_name,
-                                                db::Id scan_id) {
+namespace {
+
+std::filesystem::path file_of(const db::Product& model) {
+  return nlohmann::json::parse(model.parameters).value("file", std::string());
+}
+
+}  // namespace
+
+std::filesystem::path find_model(const db::Store& store, const std::string& file_or_name) {
   if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
   const std::vector<db::Product> models = store.products("weights");
   std::vector<std::string> names;
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
-    const std::filesystem::path file = nlohmann::json::parse(model->parameters).value("file", std::string());
+    const std::filesystem::path file = file_of(*model);
     names.push_back(file.stem().string());
-    const bool wanted = file_or_name.empty() ? std::find(model->input_scans.begin(), model->input_scans.end(),
-                                                         scan_id) != model->input_scans.end()
-                                             : names.back() == file_or_name;
-    if (!wanted) continue;
+    if (names.back() != file_or_name) continue;
     if (std::filesystem::is_regular_file(file)) return file;
-    if (!file_or_name.empty()) {
-      throw core::BadInput("model '" + file_or_name + "': its file " + file.string() + " is gone; train it again");
-    }
+    throw core::BadInput("model '" + file_or_name + "': its file " + file.string() + " is gone; train it again");
   }
-  if (file_or_name.empty()) return std::nullopt;
+  const std::filesystem::path shipped = model::shipped_blend();
+  if (!shipped.empty()) {
+    if (file_or_name == shipped.stem()) return shipped;
+    names.push_back(shipped.stem().string());
+  }
   throw core::UsageError("no model file or model named '" + file_or_name + "'" +
                          core::did_you_mean(file_or_name, names));
+}
+
+std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id scan_id,
+                                                  std::optional<model::Architecture> architecture) {
+  const std::vector<db::Product> models = store.products("weights");
+  for (auto model = models.rbegin(); model != models.rend(); ++model) {
+    const std::vector<db::Id>& scans = model->input_scans;
+    if (std::find(scans.begin(), scans.end(), scan_id) == scans.end()) continue;
+    const std::filesystem::path file = file_of(*model);
+    if (!std::filesystem::is_regular_file(file)) continue;
+    if (!architecture || model::read_checkpoint_info(file).config.architecture == *architecture) return file;
+  }
+  return std::nullopt;
 }
 
 }  // namespace lightstage::cli

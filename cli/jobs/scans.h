@@ -7,15 +7,19 @@
 
 #include "db/scan_loader.h"
 #include "db/store.h"
+#include "model/checkpoint.h"
 
 namespace lightstage::cli {
 
 // As db::load_scan; a captured scan whose stage was never calibrated gets the lights as drawn in its stage file, with a warning.
 db::LoadedScan load_scan(const db::Store& store, const std::string& name, const std::string& camera = {});
 
-// A checkpoint: the file of that path, or the model of that name in the store. For an empty name the newest model that was
-// trained on the scan; nothing when there is none. UsageError for a name that is neither.
-std::optional<std::filesystem::path> find_model(const db::Store& store, const std::string& file_or_name,
-                                                db::Id scan_id);
+// A checkpoint: the file of that path, the model of that name in the store, or the shipped one by the name `blend`. UsageError for a name that is
+// none of these.
+std::filesystem::path find_model(const db::Store& store, const std::string& file_or_name);
+
+// The newest model of the store that was trained on the scan, of this architecture where one is given; nothing when there is none.
+std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id scan_id,
+                                                  std::optional<model::Architecture> architecture = {});
 
 }  // namespace lightstage::cli

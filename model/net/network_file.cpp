@@ -43,10 +43,10 @@ void save_network(const std::filesystem::path& path, const Network& network, con
   write_tensors(path, checkpoint_metadata(network.config(), provenance), network.parameters());
 }
 
-Network load_network(const std::filesystem::path& path) {
+std::unique_ptr<Network> load_network(const std::filesystem::path& path) {
   const SafetensorsHeader header = read_safetensors_header(path);
-  Network network(checkpoint_info(path, header).config, /*seed=*/0);
-  read_tensors(path, header, network.parameters());
+  std::unique_ptr<Network> network = make_network(checkpoint_info(path, header).config, /*seed=*/0);
+  read_tensors(path, header, network->parameters());
   return network;
 }
 

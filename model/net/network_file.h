@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <map>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,6 +27,6 @@ void read_tensors(const std::filesystem::path& path, const SafetensorsHeader& he
 
 void save_network(const std::filesystem::path& path, const Network& network, const std::string& provenance);
 // Throws as read_checkpoint_info and read_tensors.
-Network load_network(const std::filesystem::path& path);
+std::unique_ptr<Network> load_network(const std::filesystem::path& path);
 
 }  // namespace lightstage::model

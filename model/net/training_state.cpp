@@ -27,7 +27,7 @@ Json to_json(const TrainingState& state) {
           {"seconds", state.seconds},
           {"loss_sum", state.loss_sum},
           {"loss_count", state.loss_count},
-          {"linear_validation", state.linear_validation},
+          {"guide_validation", state.guide_validation},
           {"best_validation", state.best_validation},
           {"curve", curve}};
 }
@@ -39,7 +39,7 @@ TrainingState from_json(const std::string& text) {
   json.at("seconds").get_to(state.seconds);
   json.at("loss_sum").get_to(state.loss_sum);
   json.at("loss_count").get_to(state.loss_count);
-  json.at("linear_validation").get_to(state.linear_validation);
+  json.at("guide_validation").get_to(state.guide_validation);
   json.at("best_validation").get_to(state.best_validation);
   for (const Json& p : json.at("curve")) state.curve.push_back({p.at(0), p.at(1), p.at(2), p.at(3)});
   return state;

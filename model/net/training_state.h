@@ -18,7 +18,7 @@ struct TrainingState {
   double seconds = 0;   // of training so far
   double loss_sum = 0;  // of the steps since the last point of the curve
   std::int64_t loss_count = 0;
-  double linear_validation = 0;
+  double guide_validation = 0;
   double best_validation = 0;
   std::vector<LossPoint> curve;
 };

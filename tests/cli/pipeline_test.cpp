@@ -57,7 +57,7 @@ TEST_CASE("a simulated stage is captured, calibrated, aligned, super-resolved, r
   const auto evaluation = succeed(store, {"evaluate", "head", "--off-grid", "--directions", "5", "--seed", "2",
                                           "--model", model, "--sheet", (folder / "sheet.png").string()});
   CHECK(evaluation["protocol"] == "off-grid");
-  REQUIRE(evaluation["methods"].size() == 4);
+  REQUIRE(evaluation["methods"].size() == 5);
   double nearest = 0, linear = 0;
   for (const auto& method : evaluation["methods"]) {
     CHECK(method["images"] == 5);

@@ -17,7 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
 
-const model::NetworkConfig kConfig{.neighbours = 3, .channels = {4, 8}, .sharpness = 2.5};
+const model::NetworkConfig kConfig{.neighbours = 3, .channels = {4, 8}, .query_channels = {4}, .sharpness = 2.5};
 
 // A checkpoint of zeros with the tensors of kConfig, or of others.
 void write(const fs::path& path, const std::vector<model::TensorInfo>& tensors,
@@ -84,13 +84,22 @@ TEST_CASE("tensors come back as they were, in any order and shape") {
 }
 
 TEST_CASE("presets are valid, and others are refused") {
-  for (const char* name : {"tiny", "small"}) CHECK(!model::network_tensors(model::network_preset(name)).empty());
+  for (const char* name : {"tiny", "small", "paper", "blend"})
+    CHECK(!model::network_tensors(model::network_preset(name)).empty());
   CHECK_THROWS_AS(model::network_preset("huge"), core::UsageError);
-  CHECK_THROWS_AS(model::network_tensors({.neighbours = 0}), core::BadInput);
-  CHECK_THROWS_AS(model::network_tensors({.channels = {}}), core::BadInput);
-  CHECK_THROWS_AS(model::network_tensors({.channels = {6}}), core::BadInput);
-  CHECK_THROWS_AS(model::network_tensors({.channels = {1 << 30}}), core::BadInput);
-  CHECK_THROWS_AS(model::network_tensors({.sharpness = 0}), core::BadInput);
+  const auto with = [](const auto& change) {
+    model::NetworkConfig config = kConfig;
+    change(config);
+    return config;
+  };
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.query_channels = {}; })), core::BadInput);
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.architecture = model::Architecture::kBlend; })),
+                  core::BadInput);
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.neighbours = 0; })), core::BadInput);
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.channels = {}; })), core::BadInput);
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.channels = {6}; })), core::BadInput);
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.channels = {1 << 30}; })), core::BadInput);
+  CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.sharpness = 0; })), core::BadInput);
 }
 
 TEST_CASE("a checkpoint cut short anywhere is refused") {
@@ -164,11 +173,16 @@ TEST_CASE("checkpoints of other programs, versions and shapes are refused") {
     write(folder / "c", tensors, changed);
     return problem(folder / "c");
   };
+  const auto config = [](const std::string& channels, const std::string& sharpness, const std::string& pooling) {
+    return R"({"architecture":"superres","neighbours":3,"query_channels":[4],"channels":)" + channels +
+           ",\"sharpness\":" + sharpness + ",\"pooling\":\"" + pooling + "\"}";
+  };
+  CHECK_THAT(with("config", config("[4,8]", "1", "median")), Contains("pooling is 'median'"));
   CHECK_THAT(with("format", "pt"), Contains("not a checkpoint of this program"));
-  CHECK_THAT(with("version", "2"), Contains("version '2'"));
+  CHECK_THAT(with("version", "1"), Contains("version '1'"));
   CHECK_THAT(with("config", "{"), Contains("configuration"));
-  CHECK_THAT(with("config", R"({"neighbours":3,"channels":[4,8],"sharpness":-1})"), Contains("sharpness"));
-  CHECK_THAT(with("config", R"({"neighbours":3,"channels":[4,16],"sharpness":1})"), Contains("encoder.1.conv.weight"));
+  CHECK_THAT(with("config", config("[4,8]", "-1", "alias_free")), Contains("sharpness"));
+  CHECK_THAT(with("config", config("[4,16]", "1", "alias_free")), Contains("encoder.1.conv.weight"));
 
   auto fewer = tensors;
   fewer.erase(fewer.begin() + 2);

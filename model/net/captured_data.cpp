@@ -1,0 +1,161 @@
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/sphere.h"
+#include "model/classical/thin_plate.h"
+#include "model/net/draws.h"
+#include "model/net/scan_tensors.h"
+#include "model/net/training_data.h"
+
+namespace lightstage::model {
+namespace {
+
+using torch::Tensor;
+
+constexpr double kSamePlace = 1e-4;  // radians, as for the thin-plate weights
+constexpr std::size_t kGuideLights =
+    256;  // farther ones weigh next to nothing, and the system is cubic in their number
+constexpr std::size_t kLightsPerHeldOut = 16;
+constexpr int kValidationDraws = 24;
+
+// `count` different ones of `all`, in the order in which they stand there.
+std::vector<std::size_t> random_subset(const std::vector<std::size_t>& all, std::size_t count,
+                                       std::mt19937_64& random) {
+  std::vector<std::size_t> chosen;
+  for (std::size_t i = 0; i < all.size() && chosen.size() < count; ++i) {
+    // Knuth 1997, "The art of computer programming", volume 2, algorithm 3.4.2 S.
+    if (random() % (all.size() - i) < count - chosen.size()) chosen.push_back(all[i]);
+  }
+  return chosen;
+}
+
+class CapturedScan {
+ public:
+  CapturedScan(const core::OlatScan& scan, int neighbours, int candidates, int multiple);
+
+  // Lights that serve as truth in training, and others that serve as truth in validation only: about one in sixteen.
+  const std::vector<std::size_t>& training_lights() const { return training_lights_; }
+  const std::vector<std::size_t>& validation_lights() const { return validation_lights_; }
+  // The lights nearest to a light, at most m of them, nearest first: neither itself nor others in its place.
+  const std::vector<std::size_t>& candidates(std::size_t light) const { return candidates_[light]; }
+
+  Window window_around(std::uint64_t anchor, int size) const { return tensors_->window_around(anchor, size); }
+  Example example(std::size_t light, const std::vector<std::size_t>& active, const Window& window) const;
+
+ private:
+  void choose_neighbours(int candidates);
+  void interpolate_guides();
+
+  std::vector<core::Direction> directions_;
+  double spacing_;
+  std::vector<std::size_t> training_lights_, validation_lights_;
+  std::vector<std::vector<std::size_t>> apart_;  // by light: all lights in other places, nearest first
+  std::vector<std::vector<std::size_t>> candidates_;
+  std::unique_ptr<const ScanTensors> tensors_;
+  Tensor guides_;  // [lights, 3, h, w]
+};
+
+CapturedScan::CapturedScan(const core::OlatScan& scan, int neighbours, int candidates, int multiple)
+    : directions_(scan.directions()), spacing_(core::median_spacing_radians(scan.directions())) {
+  const std::size_t lights = directions_.size();
+  if (lights < std::size_t(neighbours) + 1) {
+    throw core::UsageError("scan '" + scan.name() + "' has " + std::to_string(lights) + " lights; training with " +
+                           std::to_string(neighbours) + " neighbours needs at least " + std::to_string(neighbours + 1));
+  }
+  choose_neighbours(candidates);
+  if (std::any_of(candidates_.begin(), candidates_.end(), [](const auto& c) { return c.empty(); })) {
+    throw core::UsageError("scan '" + scan.name() + "' has all its lights in one place; there is nothing to train on");
+  }
+  for (std::size_t light = 0; light < lights; ++light) {
+    const bool held_out = light % kLightsPerHeldOut == std::min(kLightsPerHeldOut, lights) / 2;
+    (held_out ? validation_lights_ : training_lights_).push_back(light);
+  }
+  tensors_ = std::make_unique<const ScanTensors>(scan, multiple);
+  interpolate_guides();
+}
+
+void CapturedScan::choose_neighbours(int candidates) {
+  for (const core::Direction& light : directions_) {
+    std::vector<std::size_t> others = core::nearest_indices(directions_, light, directions_.size());
+    std::erase_if(others, [&](std::size_t other) { return angle_radians(light, directions_[other]) < kSamePlace; });
+    candidates_.emplace_back(others.begin(),
+                             others.begin() + std::ptrdiff_t(std::min(others.size(), std::size_t(candidates))));
+    apart_.push_back(std::move(others));
+  }
+}
+
+void CapturedScan::interpolate_guides() {
+  const auto lights = std::int64_t(directions_.size());
+  Tensor weights = torch::zeros({lights, lights});
+  for (std::int64_t light = 0; light < lights; ++light) {
+    core::throw_if_interrupted();
+    std::vector<std::size_t> used = apart_[std::size_t(light)];
+    used.resize(std::min(used.size(), kGuideLights));
+    std::vector<core::Direction> directions;
+    for (const std::size_t index : used) directions.push_back(directions_[index]);
+    const std::vector<double> w = ThinPlateWeights(directions)(directions_[std::size_t(light)]);
+    float* const row = weights.data_ptr<float>() + light * lights;
+    for (std::size_t i = 0; i < used.size(); ++i) row[used[i]] = float(w[i]);
+  }
+  guides_ = weighted_pictures(weights, tensors_->displays());
+}
+
+Example CapturedScan::example(std::size_t light, const std::vector<std::size_t>& active, const Window& window) const {
+  Example example;
+  example.query = directions_[light];
+  for (const std::size_t index : active) example.lights.push_back(directions_[index]);
+  example.spacing = spacing_;
+  example.images = pictures(tensors_->displays(), active, window);
+  example.guide = pictures(guides_, {light}, window);
+  example.truth = pictures(tensors_->displays(), {light}, window);
+  example.mask = cut(tensors_->mask(), window).unsqueeze(0);
+  return example;
+}
+
+class CapturedData : public TrainingData {
+ public:
+  CapturedData(std::span<const core::OlatScan> scans, const TrainOptions& options, int multiple)
+      : seed_(options.seed),
+        neighbours_(std::size_t(options.config.neighbours)),
+        crop_(std::max(options.crop / multiple, 1) * multiple) {
+    for (const core::OlatScan& scan : scans) {
+      scans_.emplace_back(scan, options.config.neighbours, options.candidates, multiple);
+    }
+  }
+
+  Example training_draw(std::int64_t number) override {
+    std::mt19937_64 random = draw_generator(seed_, Stream::kTraining, number);
+    const CapturedScan& scan = scans_[random() % scans_.size()];
+    const std::size_t light = scan.training_lights()[random() % scan.training_lights().size()];
+    const std::vector<std::size_t> active = random_subset(scan.candidates(light), neighbours_, random);
+    return scan.example(light, active, scan.window_around(random(), crop_));
+  }
+
+  int validation_count() const override { return std::max(kValidationDraws, int(scans_.size())); }
+
+  Example validation_draw(int number) override {
+    std::mt19937_64 random = draw_generator(seed_, Stream::kValidation, number);
+    const std::size_t turn = std::size_t(number) / scans_.size();
+    const CapturedScan& scan = scans_[std::size_t(number) % scans_.size()];
+    const std::size_t light = scan.validation_lights()[turn % scan.validation_lights().size()];
+    std::vector<std::size_t> active = scan.candidates(light);
+    active.resize(std::min(active.size(), neighbours_));
+    return scan.example(light, active, scan.window_around(random(), crop_));
+  }
+
+ private:
+  std::vector<CapturedScan> scans_;
+  std::uint64_t seed_;
+  std::size_t neighbours_;
+  int crop_;
+};
+
+}  // namespace
+
+std::unique_ptr<TrainingData> captured_data(std::span<const core::OlatScan> scans, const TrainOptions& options,
+                                            int multiple) {
+  return std::make_unique<CapturedData>(scans, options, multiple);
+}
+
+}  // namespace lightstage::model

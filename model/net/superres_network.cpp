@@ -1,0 +1,62 @@
+#include "model/net/superres_network.h"
+
+#include "model/net/layers.h"
+#include "model/net/norm_prelu.h"
+
+namespace lightstage::model {
+
+using torch::Tensor;
+
+SuperresNetwork::SuperresNetwork(const NetworkConfig& config, std::uint64_t seed) : Network(config, seed) {}
+
+Pyramid SuperresNetwork::encode(const Tensor& images, const Tensor& directions) const {
+  const Tensor light = spread(directions, images.size(0), images.size(2), images.size(3));
+  Tensor x = torch::cat({images.clamp_max(kBrightestInput), light}, 1);
+  Pyramid pyramid;
+  for (std::size_t level = 0; level < config().channels.size(); ++level) {
+    const std::string name = "encoder." + std::to_string(level);
+    x = conv3x3(x, parameter(name + ".conv.weight"), parameter(name + ".conv.bias"), 2);
+    x = norm_prelu(x, parameter(name + ".norm.scale"), parameter(name + ".norm.shift"), parameter(name + ".slope"),
+                   norm_groups(x.size(1)));
+    pyramid.push_back(x);
+  }
+  return pyramid;
+}
+
+Pyramid SuperresNetwork::pool(const Pyramid& features, const ActiveSet& set) const {
+  Pyramid pooled;
+  for (const Tensor& level : features) pooled.push_back(weighted_sum(level, set.weights));
+  return pooled;
+}
+
+Tensor SuperresNetwork::query_features(const Tensor& query) const {
+  Tensor x = query.view({1, 3});
+  for (std::size_t layer = 0; layer < config().query_channels.size(); ++layer) {
+    const std::string name = "query." + std::to_string(layer);
+    x = torch::addmm(parameter(name + ".bias"), x, parameter(name + ".weight").t());
+    x = norm_prelu(x.view({1, -1, 1, 1}), parameter(name + ".norm.scale"), parameter(name + ".norm.shift"),
+                   parameter(name + ".slope"), /*groups=*/1)
+            .view({1, -1});
+  }
+  return x;
+}
+
+Tensor SuperresNetwork::decode(const Pyramid& pooled, const Tensor& query) const {
+  const Tensor& coarsest = pooled.back();
+  Tensor x = spread(query_features(query), 1, coarsest.size(2), coarsest.size(3));
+  for (std::size_t level = pooled.size(); level-- > 0;) {
+    const std::string name = "decoder." + std::to_string(level);
+    x = channels_last(torch::cat({x, pooled[level]}, 1));
+    x = torch::conv_transpose2d(x, parameter(name + ".conv.weight"), parameter(name + ".conv.bias"), /*stride=*/2,
+                                /*padding=*/1, /*output_padding=*/1);
+    x = norm_prelu(x, parameter(name + ".norm.scale"), parameter(name + ".norm.shift"), parameter(name + ".slope"),
+                   norm_groups(x.size(1)));
+  }
+  return torch::sigmoid(conv3x3(x, parameter("output.0.conv.weight"), parameter("output.0.conv.bias")));
+}
+
+Tensor SuperresNetwork::predict(const Tensor& images, const Tensor&, const ActiveSet& set) const {
+  return decode(pool(encode(images, set.directions), set), set.query);
+}
+
+}  // namespace lightstage::model

@@ -1,0 +1,69 @@
+#include "model/network_interpolator.h"
+
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "core/sphere.h"
+#include "model/classical.h"
+#include "model/net/network.h"
+#include "model/net/network_file.h"
+#include "model/net/pixels.h"
+
+namespace lightstage::model {
+namespace {
+
+using torch::Tensor;
+
+class NetworkInterpolator : public LightInterpolator {
+ public:
+  NetworkInterpolator(const core::OlatScan& scan, std::unique_ptr<Network> network)
+      : scan_(scan),
+        network_(std::move(network)),
+        guide_(make_rbf(scan, Domain::kDisplay)),
+        spacing_(core::median_spacing_radians(scan.directions())),
+        mask_window_(bounding_window(scan.mask())),
+        window_(rounded_up(mask_window_, network_->size_multiple())) {
+    prepare_torch();
+  }
+
+  std::string_view name() const override { return architecture_name(network_->config().architecture); }
+  const core::OlatScan& scan() const override { return scan_; }
+  core::Image render(const core::Direction& query) const override;
+
+ private:
+  core::OlatScan scan_;
+  std::unique_ptr<Network> network_;
+  std::unique_ptr<LightInterpolator> guide_;
+  double spacing_;
+  Window mask_window_;
+  Window window_;  // mask_window_, grown to the sizes that the network takes
+};
+
+core::Image NetworkInterpolator::render(const core::Direction& query) const {
+  const c10::InferenceMode inference;
+  const std::vector<core::Direction>& lights = scan_.directions();
+  const ActiveSet set = network_->active_set(
+      query, lights, core::nearest_indices(lights, query, std::size_t(network_->config().neighbours)), spacing_);
+  const double exposure = scan_.exposure();
+
+  std::vector<Tensor> images;
+  for (const std::size_t light : set.lights) {
+    images.push_back(cut(to_display(*scan_.image(light), exposure), window_));
+  }
+  const Tensor guide = to_display(guide_->render(query), exposure).unsqueeze(0);
+  const Tensor inside = network_->predict(torch::stack(images), cut(guide, window_), set);
+
+  Tensor picture = guide.clone();  // outside the mask's window
+  cut(picture, mask_window_).copy_(cut(inside, {0, 0, mask_window_.height, mask_window_.width}).clamp_min(0));
+  return from_display(picture, exposure, scan_.image_size().channels);
+}
+
+}  // namespace
+
+std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatScan& scan,
+                                                             const std::filesystem::path& checkpoint) {
+  return std::make_unique<NetworkInterpolator>(scan, load_network(checkpoint));
+}
+
+}  // namespace lightstage::model
