@@ -1,0 +1,18 @@
+// The published network's weights as the engine takes them.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace lightstage::model {
+
+struct SuperresWeights {
+  std::vector<int> channels;        // C_0 .. C_(L-1)
+  std::vector<int> query_channels;  // Q_0 ..
+  // By documented name (docs/model.md), in row-major order; valid while the source lives.
+  std::function<std::span<const float>(const std::string& name)> tensor;
+};
+
+}  // namespace lightstage::model
