@@ -5,22 +5,12 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <cstring>
-
-#if defined(__AVX512BF16__)
-#include <immintrin.h>
-#endif
 
 #include "model/engine/kernels.h"
+#include "model/engine/lanes.h"
 
 namespace lightstage::model {
 namespace {
-
-typedef float Vector __attribute__((vector_size(64)));
-typedef double DoubleVector __attribute__((vector_size(128)));
-typedef std::int32_t IntVector __attribute__((vector_size(64)));
-typedef std::uint32_t UintVector __attribute__((vector_size(64)));
-typedef std::uint16_t ShortVector __attribute__((vector_size(32)));
 
 // Registers for accumulators decide how long runs are.
 #if defined(__AVX512F__)
@@ -34,39 +24,12 @@ constexpr int kRun = 2;
 constexpr int kPicturePixels = 1;
 #endif
 
-inline Vector load(const float* p) {
-  Vector v;
-  std::memcpy(&v, p, sizeof v);
-  return v;
-}
-
-inline void store(Vector v, float* p) {
-  std::memcpy(p, &v, sizeof v);
-}
-
-inline Vector load(const Bfloat16* p) {
-  ShortVector halves;
-  std::memcpy(&halves, p, sizeof halves);
-  return Vector(__builtin_convertvector(halves, UintVector) << 16);
-}
-
-// Rounded to the nearest, ties to even.
-inline void store(Vector v, Bfloat16* p) {
-#if defined(__AVX512BF16__)
-  const __m256bh halves = _mm512_cvtneps_pbh(__m512(v));
-#else
-  const UintVector bits = UintVector(v);
-  const ShortVector halves = __builtin_convertvector((bits + 0x7fff + ((bits >> 16) & 1)) >> 16, ShortVector);
-#endif
-  std::memcpy(p, &halves, sizeof halves);
-}
-
 struct Float32 {
   using Stored = float;
   using Word = float;
   static constexpr Number kNumber = Number::kFloat32;
   static constexpr int kWords = kLanes;
-  static Vector multiply_add(Vector sum, float word, const Vector& weights) { return sum + word * weights; }
+  static void multiply_add(Vector& sum, float word, const Vector& weights) { sum += weights * word; }
 };
 
 #if defined(__AVX512BF16__)
@@ -75,8 +38,8 @@ struct Bfloat16Pair {
   using Word = std::int32_t;
   static constexpr Number kNumber = Number::kBfloat16;
   static constexpr int kWords = kLanes / 2;
-  static Vector multiply_add(Vector sum, std::int32_t word, const Vector& weights) {
-    return Vector(_mm512_dpbf16_ps(__m512(sum), __m512bh(_mm512_set1_epi32(word)), __m512bh(__m512(weights))));
+  static void multiply_add(Vector& sum, std::int32_t word, const Vector& weights) {
+    sum.part[0] = _mm512_dpbf16_ps(sum.part[0], __m512bh(_mm512_set1_epi32(word)), __m512bh(weights.part[0]));
   }
 };
 #endif
@@ -92,14 +55,8 @@ inline void add_moments(Moments& moments, int block, const Vector* values, int c
     sum += difference;
     squares += difference * difference;
   }
-  const auto add = [](Vector v, double* total) {
-    DoubleVector t;
-    std::memcpy(&t, total, sizeof t);
-    t += __builtin_convertvector(v, DoubleVector);
-    std::memcpy(total, &t, sizeof t);
-  };
-  add(sum, moments.sum + block * kLanes);
-  add(squares, moments.squares + block * kLanes);
+  add_to(sum, moments.sum + block * kLanes);
+  add_to(squares, moments.squares + block * kLanes);
 }
 
 template <class N, int kStride, int kBlocks, int kPixels>
@@ -124,7 +81,7 @@ void convolve(const ConvolutionRun& run) {
         for (int p = 0; p < kPixels; ++p) {
           const Word word = in[p * kStride * N::kWords];
 #pragma GCC unroll 2
-          for (int o = 0; o < kBlocks; ++o) sums[o][p] = N::multiply_add(sums[o][p], word, w[o]);
+          for (int o = 0; o < kBlocks; ++o) N::multiply_add(sums[o][p], word, w[o]);
         }
       }
     }
@@ -146,7 +103,7 @@ void normalise(const In* in, Out* out, std::size_t pixels, const BlockAffine& af
   const Vector gain = load(affine.gain), offset = load(affine.offset), slope = load(affine.slope);
   for (std::size_t p = 0; p < pixels; ++p, in += kLanes, out += kLanes) {
     const Vector z = load(in) * gain + offset;
-    store(z > 0 ? z : z * slope, out);
+    store(prelu(z, slope), out);
   }
 }
 
@@ -154,38 +111,10 @@ template <class In, class Out>
 void pool(const void* const* in, const float* weights, int count, void* out, std::size_t blocks) {
   Out* const result = static_cast<Out*>(out);
   for (std::size_t i = 0; i < blocks * kLanes; i += kLanes) {
-    Vector sum = weights[0] * load(static_cast<const In*>(in[0]) + i);
-    for (int n = 1; n < count; ++n) sum += weights[n] * load(static_cast<const In*>(in[n]) + i);
+    Vector sum = load(static_cast<const In*>(in[0]) + i) * weights[0];
+    for (int n = 1; n < count; ++n) sum += load(static_cast<const In*>(in[n]) + i) * weights[n];
     store(sum, result + i);
   }
-}
-
-// Sums of neighbours: those of a in the lower half, those of b in the upper.
-inline Vector fold(Vector a, Vector b) {
-  return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30) +
-         __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-}
-
-// exp(x) by exp(n ln 2) exp(r), |r| <= ln(2)/2: relative error below 2e-7. x within +-87.
-inline Vector exponential(Vector x) {
-  constexpr float kMagic = 12582912;  // 1.5 * 2^23: adding it leaves a number rounded to an integer in the lowest bits
-  const Vector shifted = x * 1.44269504f + kMagic;
-  const Vector n = shifted - kMagic;
-  const Vector r = (x - n * 0.693359375f) + n * 2.12194440e-4f;
-  Vector y = r * (1.f / 5040) + 1.f / 720;
-  y = y * r + 1.f / 120;
-  y = y * r + 1.f / 24;
-  y = y * r + 1.f / 6;
-  y = y * r + 0.5f;
-  y = y * r + 1.f;
-  y = y * r + 1.f;
-  return Vector(IntVector(y) + (IntVector(shifted) << 23));
-}
-
-inline Vector sigmoid(Vector x) {
-  x = x < -80.f ? x * 0 - 80.f : x;
-  x = x > 80.f ? x * 0 + 80.f : x;
-  return 1.f / (1.f + exponential(-x));
 }
 
 inline void picture(const PictureRow& row) {
@@ -221,7 +150,7 @@ inline void picture(const PictureRow& row) {
 #pragma GCC unroll 4
       for (; lanes > 1; lanes /= 2) sums[o][0] = fold(sums[o][0], sums[o][0]);
       alignas(64) float values[kLanes];
-      store(sigmoid(sums[o][0] + row.bias[o]), values);
+      store(sigmoid(sums[o][0] + broadcast(row.bias[o])), values);
       for (int p = 0; p < count; ++p) out[p * 3 + o] = values[p];
     }
   }
