@@ -108,7 +108,7 @@ void PackedConvolution::pack(std::span<const int> in, Number number, const Weigh
 }
 
 void PackedConvolution::run_row(const Kernels& kernels, int pair, const Phase& phase, const ConstRow* rows, int width,
-                                const Row& out, Moments& moments) const {
+                                const Row& out, bool past_caches, Moments& moments) const {
   const std::size_t pixel_bytes = kLanes * size_of(kernels.number);
   const int blocks = std::min(2, output_blocks() - 2 * pair);
   const int step = phases_.size() == 1 ? 1 : 2;  // between output pixels
@@ -120,9 +120,11 @@ void PackedConvolution::run_row(const Kernels& kernels, int pair, const Phase& p
   run.weights = weights(pair, phase);
   run.bias = bias_.data() + pair * 2 * kLanes;
   run.output_block_bytes = out.block_bytes;
-  run.output_pixel_bytes = std::size_t(step) * pixel_bytes;
+  run.output_pixel_bytes = std::size_t(step) * kLanes * sizeof(float);
   run.moments = &moments;
-  std::byte* const first = out.data + std::size_t(2 * pair) * out.block_bytes + std::size_t(phase.x) * pixel_bytes;
+  run.past_caches = past_caches;
+  std::byte* const first =
+      out.data + std::size_t(2 * pair) * out.block_bytes + std::size_t(phase.x) * kLanes * sizeof(float);
 
   // Runs of nearly equal length: a short one at the end would keep the multipliers waiting for each other.
   const int runs = (width + kernels.widest_run - 1) / kernels.widest_run;
@@ -132,7 +134,7 @@ void PackedConvolution::run_row(const Kernels& kernels, int pair, const Phase& p
       const PackedConvolution::Tap& tap = phase.taps[t];
       run.taps[t] = rows[tap.dy].data + (x * stride_ + tap.dx) * std::ptrdiff_t(pixel_bytes);
     }
-    run.output = first + std::size_t(x) * run.output_pixel_bytes;
+    run.output = reinterpret_cast<float*>(first + std::size_t(x) * run.output_pixel_bytes);
     kernels.convolve[stride_ - 1][blocks - 1][next - x - 1](run);
   }
 }

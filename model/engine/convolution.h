@@ -37,10 +37,10 @@ class PackedConvolution {
   const std::vector<Phase>& phases() const { return phases_; }
   std::size_t weight_bytes() const { return weights_.size(); }
 
-  // One row of output pixels of one pair of blocks and one phase. `rows` are the input rows by dy; `out` is the whole output row, of
-  // `width` pixels of this phase.
+  // One row of output pixels of one pair of blocks and one phase. `rows` are the input rows by dy; `out` is the whole output row, float32, of
+  // `width` pixels of this phase; `past_caches` as in ConvolutionRun.
   void run_row(const Kernels& kernels, int pair, const Phase& phase, const ConstRow* rows, int width, const Row& out,
-               Moments& moments) const;
+               bool past_caches, Moments& moments) const;
 
  private:
   // weight(o, i, ky, kx), o and i channels

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <stdexcept>
@@ -16,6 +17,7 @@ constexpr int kMostEncodings = 64;
 constexpr int kBandRows = 16;
 constexpr int kPictureStep = 8;  // pixels that the picture kernel takes at most at a time
 constexpr double kEpsilon = 1e-5;
+constexpr std::size_t kCachedBytes = std::size_t(16) << 20;  // larger maps have left the caches before they are read
 
 std::size_t bands(int height) {
   return std::size_t((height + kBandRows - 1) / kBandRows);
@@ -135,7 +137,7 @@ class Decoder::Rows {
     const int width = space.width >> (level + 1);
     input_block_bytes_ = std::size_t(width + 1) * kLanes * size_of(decoder.kernels_.number);
     input_bytes_ = input_block_bytes_ * std::size_t(layer.convolution.input_blocks());
-    output_block_bytes_ = std::size_t(2 * width) * kLanes * size_of(decoder.kernels_.number);
+    output_block_bytes_ = std::size_t(2 * width) * kLanes * sizeof(float);
     output_bytes_ = output_block_bytes_ * std::size_t(layer.convolution.output_blocks());
     picture_block_bytes_ = picture_block_floats(space.width) * sizeof(float);
     picture_bytes_ = picture_block_bytes_ * std::size_t(decoder.layers_.front().convolution.output_blocks());
@@ -186,7 +188,7 @@ std::unique_ptr<Decoder::Workspace> Decoder::make_workspace(int height, int widt
     const std::size_t output_bytes =
         std::size_t(h) * std::size_t(w) * std::size_t(convolution.output_blocks() * kLanes) * number;
     const bool kept = level > 0 || output_bytes <= options_.largest_map_bytes;
-    space->outputs.push_back(kept ? FeatureMap(h, w, convolution.output_channels(), kernels_.number) : FeatureMap());
+    space->outputs.push_back(kept ? FeatureMap(h, w, convolution.output_channels(), Number::kFloat32) : FeatureMap());
     space->inputs.push_back(convolution.pairs() > 1 ? FeatureMap(h / 2, w / 2, convolution.input_blocks() * kLanes,
                                                                  kernels_.number, {.right = 1, .bottom = 1})
                                                     : FeatureMap());
@@ -240,7 +242,8 @@ void Decoder::write_input_row(std::size_t level, int y, const WeightedEncodings&
     const ConstRow in = space.outputs[level + 1].row(y);
     const std::vector<BlockAffine>& affine = space.affine[level + 1];
     for (std::size_t b = 0; b < affine.size(); ++b, finish_block()) {
-      kernels_.normalise(in.data + b * in.block_bytes, block, std::size_t(width), affine[b]);
+      kernels_.normalise(reinterpret_cast<const float*>(in.data + b * in.block_bytes), block, std::size_t(width),
+                         affine[b]);
     }
   }
 
@@ -264,7 +267,8 @@ void Decoder::write_input_row(std::size_t level, int y, const WeightedEncodings&
 // parity), then done(y) is called. For layers of one pair of output blocks.
 template <class Output, class Done>
 void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodings& pooled, const Workspace& space,
-                   const Rows& scratch, Moments& moments, const Output& output, const Done& done) const {
+                   const Rows& scratch, bool past_caches, Moments& moments, const Output& output,
+                   const Done& done) const {
   const PackedConvolution& convolution = layers_[level].convolution;
   const int height = space.height >> (level + 1), width = space.width >> (level + 1);
   write_input_row(level, first, pooled, space, scratch.input(first));
@@ -272,7 +276,7 @@ void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodin
     if (y + 1 < height) write_input_row(level, y + 1, pooled, space, scratch.input(y + 1));
     const ConstRow rows[2] = {scratch.input(y), y + 1 < height ? scratch.input(y + 1) : scratch.no_input(y + 1)};
     for (const PackedConvolution::Phase& phase : convolution.phases()) {
-      convolution.run_row(kernels_, 0, phase, rows, width, output(y, phase.y), moments);
+      convolution.run_row(kernels_, 0, phase, rows, width, output(y, phase.y), past_caches, moments);
     }
     done(y);
   }
@@ -281,13 +285,16 @@ void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodin
 void Decoder::decode_rolling(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const {
   const int height = space.height >> (level + 1);
   const FeatureMap& map = space.outputs[level];
+  const bool past_caches = map.bytes() > kCachedBytes;
   core::parallel_for(bands(height), 1, [&](std::size_t part, std::size_t) {
     const Rows scratch(space, *this, level);
     const int first = int(part) * kBandRows;
     roll(
-        level, first, std::min(height, first + kBandRows), pooled, space, scratch, space.moments[level][part],
+        level, first, std::min(height, first + kBandRows), pooled, space, scratch, past_caches,
+        space.moments[level][part],
         [&](int y, int parity) { return map.height() > 0 ? map.row(2 * y + parity) : scratch.output(parity); },
         [](int) {});
+    if (past_caches) std::atomic_thread_fence(std::memory_order_seq_cst);
   });
 }
 
@@ -305,7 +312,7 @@ void Decoder::decode_pairs(std::size_t level, const WeightedEncodings& pooled, W
       for (int y = first; y < last; ++y) {
         const ConstRow rows[2] = {in.row(y), in.row(y + 1)};
         convolution.run_row(kernels_, int(task / parts), phase, rows, in.width(), out.row(2 * y + phase.y),
-                            space.moments[level][task]);
+                            /*past_caches=*/false, space.moments[level][task]);
       }
     }
   });
@@ -335,7 +342,8 @@ void Decoder::paint(const WeightedEncodings& pooled, Workspace& space, core::Ima
     const auto accept = [&](int y, const ConstRow& in) {
       float* out = scratch.picture(y);
       for (std::size_t b = 0; b < affine.size(); ++b, out += block_floats) {
-        kernels_.normalise_to_float(in.data + b * in.block_bytes, out + kLanes, std::size_t(width), affine[b]);
+        kernels_.normalise_to_float(reinterpret_cast<const float*>(in.data + b * in.block_bytes), out + kLanes,
+                                    std::size_t(width), affine[b]);
         std::fill_n(out, kLanes, 0.f);
         std::fill_n(out + std::size_t(width + 1) * kLanes, kLanes, 0.f);
       }
@@ -348,7 +356,7 @@ void Decoder::paint(const WeightedEncodings& pooled, Workspace& space, core::Ima
     } else {
       Moments ignored;
       roll(
-          0, from / 2, (to + 1) / 2, pooled, space, scratch, ignored,
+          0, from / 2, (to + 1) / 2, pooled, space, scratch, /*past_caches=*/false, ignored,
           [&](int, int parity) { return scratch.output(parity); },
           [&](int y) {
             for (const int parity : {0, 1}) {

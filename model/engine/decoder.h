@@ -59,7 +59,7 @@ class Decoder {
                        const Row& out) const;
   template <class Output, class Done>
   void roll(std::size_t level, int first, int last, const WeightedEncodings& pooled, const Workspace& space,
-            const Rows& scratch, Moments& moments, const Output& output, const Done& done) const;
+            const Rows& scratch, bool past_caches, Moments& moments, const Output& output, const Done& done) const;
   // Fine levels have many pixels, few weights: a few rows of input at a time, made where they are used. Coarse ones the reverse: all input
   // first, then one pair of output blocks after the other, so that weights are read once.
   void decode_rolling(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const;

@@ -44,7 +44,8 @@ void Encoder::normalise(const Layer& layer, std::span<const Moments> moments, st
       const Row row = map.row(y);
       for (int b = 0; b < map.blocks(); ++b) {
         std::byte* const block = row.data + std::size_t(b) * row.block_bytes;
-        kernels_.normalise(block, block, std::size_t(map.width()), affine[std::size_t(b)]);
+        kernels_.normalise(reinterpret_cast<const float*>(block), block, std::size_t(map.width()),
+                           affine[std::size_t(b)]);
       }
     }
   });
@@ -80,7 +81,7 @@ FeatureMap Encoder::first_level(core::ImageView image, const core::Direction& li
       const ConstRow rows[3] = {view(y == 0 ? 3 : above), view(1), view(below)};
       for (std::size_t pair = 0; pair < pairs; ++pair) {
         layer.convolution.run_row(kernels_, int(pair), layer.convolution.phases()[0], rows, width, map.row(y),
-                                  moments[pair * parts + part]);
+                                  /*past_caches=*/false, moments[pair * parts + part]);
       }
     }
   });
@@ -99,7 +100,7 @@ FeatureMap Encoder::next_level(const Layer& layer, const FeatureMap& below) cons
     for (int y = first; y < last; ++y) {
       const ConstRow rows[3] = {y == 0 ? zeros.row(0) : below.row(2 * y - 1), below.row(2 * y), below.row(2 * y + 1)};
       layer.convolution.run_row(kernels_, int(task / parts), layer.convolution.phases()[0], rows, width, map.row(y),
-                                moments[task]);
+                                /*past_caches=*/false, moments[task]);
     }
   });
   normalise(layer, moments, parts, map);

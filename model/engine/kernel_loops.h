@@ -88,18 +88,22 @@ void convolve(const ConvolutionRun& run) {
   }
 #pragma GCC unroll 2
   for (int o = 0; o < kBlocks; ++o) {
-    char* out = static_cast<char*>(run.output) + std::size_t(o) * run.output_block_bytes;
+    char* out = reinterpret_cast<char*>(run.output) + std::size_t(o) * run.output_block_bytes;
+    const auto pixel = [&](int p) { return reinterpret_cast<float*>(out + std::size_t(p) * run.output_pixel_bytes); };
+    if (run.past_caches) {
 #pragma GCC unroll 14
-    for (int p = 0; p < kPixels; ++p) {
-      store(sums[o][p], reinterpret_cast<typename N::Stored*>(out + std::size_t(p) * run.output_pixel_bytes));
+      for (int p = 0; p < kPixels; ++p) stream(sums[o][p], pixel(p));
+    } else {
+#pragma GCC unroll 14
+      for (int p = 0; p < kPixels; ++p) store(sums[o][p], pixel(p));
     }
     add_moments(*run.moments, o, sums[o], kPixels);
   }
   run.moments->count += kPixels;
 }
 
-template <class In, class Out>
-void normalise(const In* in, Out* out, std::size_t pixels, const BlockAffine& affine) {
+template <class Out>
+void normalise(const float* in, Out* out, std::size_t pixels, const BlockAffine& affine) {
   const Vector gain = load(affine.gain), offset = load(affine.offset), slope = load(affine.slope);
   for (std::size_t p = 0; p < pixels; ++p, in += kLanes, out += kLanes) {
     const Vector z = load(in) * gain + offset;
@@ -173,12 +177,10 @@ constexpr Kernels make_kernels(const char* name) {
   fill_runs<N, 1, 2, kRun>(kernels);
   fill_runs<N, 2, 1, kRun>(kernels);
   fill_runs<N, 2, 2, kRun>(kernels);
-  kernels.normalise = [](const void* in, void* out, std::size_t pixels, const BlockAffine& affine) {
-    normalise(static_cast<const Stored*>(in), static_cast<Stored*>(out), pixels, affine);
+  kernels.normalise = [](const float* in, void* out, std::size_t pixels, const BlockAffine& affine) {
+    normalise(in, static_cast<Stored*>(out), pixels, affine);
   };
-  kernels.normalise_to_float = [](const void* in, float* out, std::size_t pixels, const BlockAffine& affine) {
-    normalise(static_cast<const Stored*>(in), out, pixels, affine);
-  };
+  kernels.normalise_to_float = normalise<float>;
   kernels.pool_float = pool<float, Stored>;
   kernels.pool_bfloat = pool<Bfloat16, Stored>;
   kernels.picture = picture;

@@ -41,9 +41,10 @@ struct ConvolutionRun {
   int words;            // 32-bit words of a block that count: a float32 channel, or two bfloat16 ones
   const void* weights;  // 64-byte aligned, contiguous in the order of the sum; a word holds what meets an input word
   const float* bias;
-  void* output;
+  float* output;  // 64-byte aligned
   std::size_t output_block_bytes;
   std::size_t output_pixel_bytes;
+  bool past_caches;  // for maps that the caches cannot hold until they are read; fence before another thread reads them
   Moments* moments;  // the run is added to them
 };
 
@@ -69,12 +70,12 @@ struct PictureRow {
 struct Kernels {
   const char* name;
   Number number;
-  // Runs take N and give N; [stride - 1][blocks - 1][pixels - 1] for up to `widest_run` pixels, with fewest instructions for that many.
+  // Runs take N and give float32; [stride - 1][blocks - 1][pixels - 1] for up to `widest_run` pixels.
   int widest_run;
   void (*convolve[2][2][kWidestRun])(const ConvolutionRun& run);
-  // Pixels of one block. From N, to N or to float32.
-  void (*normalise)(const void* in, void* out, std::size_t pixels, const BlockAffine& affine);
-  void (*normalise_to_float)(const void* in, float* out, std::size_t pixels, const BlockAffine& affine);
+  // Pixels of one block; to N, or to float32.
+  void (*normalise)(const float* in, void* out, std::size_t pixels, const BlockAffine& affine);
+  void (*normalise_to_float)(const float* in, float* out, std::size_t pixels, const BlockAffine& affine);
   // sum of weights[i] in[i] over `count`, of blocks of 16 numbers; to N, from float32 or from bfloat16. `out` may be one of `in`.
   void (*pool_float)(const void* const* in, const float* weights, int count, void* out, std::size_t blocks);
   void (*pool_bfloat)(const void* const* in, const float* weights, int count, void* out, std::size_t blocks);
