@@ -36,6 +36,11 @@ Encoder::Encoder(const SuperresWeights& weights, const Kernels& kernels) : kerne
   }
 }
 
+FeatureMap Encoder::level_shape(std::size_t level, core::ImageSize image, Number number) const {
+  return FeatureMap::shape(image.height >> (level + 1), image.width >> (level + 1),
+                           layers_[level].convolution.output_channels(), number, kLeft);
+}
+
 void Encoder::normalise(const Layer& layer, std::span<const Moments> moments, std::size_t parts,
                         const FeatureMap& map) const {
   const std::vector<BlockAffine> affine = group_norm(moments, parts, layer.norm);

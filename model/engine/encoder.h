@@ -27,7 +27,8 @@ class Encoder {
   explicit Encoder(const SuperresWeights& weights, const Kernels& kernels = float_kernels());
 
   std::size_t levels() const { return layers_.size(); }
-  int channels(std::size_t level) const { return layers_[level].convolution.output_channels(); }
+  // A level of the encoding of an image of this size: its shape alone.
+  FeatureMap level_shape(std::size_t level, core::ImageSize image, Number number) const;
 
   // `image` is display-encoded, 3 channels, height and width multiples of 2^levels; `light` is the direction it was lit from. Calls
   // receive(level, map), float32, as soon as a level is no longer needed, so that no more than two are held here at a time. Does not depend

@@ -9,17 +9,28 @@
 
 namespace lightstage::model {
 
-Pages::Pages(std::size_t bytes) : size_(bytes) {
-  if (bytes == 0) return;
-  void* const memory = ::mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+namespace {
+
+std::byte* map_memory(std::size_t bytes, int protection, int flags, int file, std::size_t offset) {
+  if (bytes == 0) return nullptr;
+  void* const memory = ::mmap(nullptr, bytes, protection, flags, file, static_cast<off_t>(offset));
   if (memory == MAP_FAILED) {
     throw core::BadInput("no memory for " + std::to_string(bytes >> 20) +
                          " MB of feature maps: use smaller images or a smaller model");
   }
-  // A hint: with small pages a row of a large map is in another page for every block.
-  if (bytes >= (std::size_t(2) << 20)) ::madvise(memory, bytes, MADV_HUGEPAGE);
-  data_ = static_cast<std::byte*>(memory);
+  return static_cast<std::byte*>(memory);
 }
+
+}  // namespace
+
+Pages::Pages(std::size_t bytes)
+    : data_(map_memory(bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0)), size_(bytes) {
+  // A hint: with small pages a row of a large map is in another page for every block.
+  if (bytes >= (std::size_t(2) << 20)) ::madvise(data_, bytes, MADV_HUGEPAGE);
+}
+
+Pages::Pages(int file, std::size_t offset, std::size_t bytes)
+    : data_(map_memory(bytes, PROT_READ, MAP_SHARED, file, offset)), size_(bytes) {}
 
 Pages::~Pages() {
   if (data_ != nullptr) ::munmap(data_, size_);
@@ -34,13 +45,25 @@ Pages& Pages::operator=(Pages&& other) noexcept {
   return *this;
 }
 
+FeatureMap FeatureMap::shape(int height, int width, int channels, Number number, Margin margin) {
+  FeatureMap map;
+  map.height_ = height;
+  map.width_ = width;
+  map.blocks_ = blocks_of(channels);
+  map.number_ = number;
+  map.margin_ = margin;
+  map.block_bytes_ = std::size_t(margin.left + width + margin.right) * kLanes * size_of(number);
+  return map;
+}
+
 FeatureMap::FeatureMap(int height, int width, int channels, Number number, Margin margin)
-    : height_(height),
-      width_(width),
-      blocks_(blocks_of(channels)),
-      number_(number),
-      margin_(margin),
-      block_bytes_(std::size_t(margin.left + width + margin.right) * kLanes * size_of(number)),
-      pages_(std::size_t(height + margin.bottom) * std::size_t(blocks_) * block_bytes_) {}
+    : FeatureMap(shape(height, width, channels, number, margin)) {
+  pages_ = Pages(bytes());
+}
+
+FeatureMap::FeatureMap(const FeatureMap& shape, Pages pages)
+    : FeatureMap(FeatureMap::shape(shape.height_, shape.width_, shape.blocks_ * kLanes, shape.number_, shape.margin_)) {
+  pages_ = std::move(pages);
+}
 
 }  // namespace lightstage::model

@@ -8,12 +8,14 @@
 
 namespace lightstage::model {
 
-// Zeroed memory by whole pages, large ones where the system has them. Moves, but does not copy.
+// Memory by whole pages, zeroed, large ones where the system has them; or a file as memory. Moves, but does not copy.
 class Pages {
  public:
   Pages() = default;
   // Throws core::Error when there is not so much memory.
   explicit Pages(std::size_t bytes);
+  // Part of a file, read only, from a multiple of the page size. Throws as above.
+  Pages(int file, std::size_t offset, std::size_t bytes);
   ~Pages();
   Pages(Pages&& other) noexcept;
   Pages& operator=(Pages&& other) noexcept;
@@ -47,13 +49,18 @@ class FeatureMap {
  public:
   FeatureMap() = default;
   FeatureMap(int height, int width, int channels, Number number, Margin margin = {});
+  // Without numbers.
+  static FeatureMap shape(int height, int width, int channels, Number number, Margin margin = {});
+  // A map of the same shape on other pages.
+  FeatureMap(const FeatureMap& shape, Pages pages);
 
   int height() const { return height_; }
   int width() const { return width_; }
   int blocks() const { return blocks_; }
   Number number() const { return number_; }
   std::size_t pixel_bytes() const { return kLanes * size_of(number_); }
-  std::size_t bytes() const { return pages_.size(); }
+  std::size_t bytes() const { return std::size_t(height_ + margin_.bottom) * std::size_t(blocks_) * block_bytes_; }
+  const std::byte* data() const { return pages_.data(); }
   // y up to height() - 1 + bottom margin; pixels from -left to width() - 1 + right.
   Row row(int y) const {
     return {pages_.data() + std::size_t(y) * std::size_t(blocks_) * block_bytes_ +
