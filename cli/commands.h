@@ -23,6 +23,7 @@ void add_sky(CLI::App& program, Context& context);
 void add_evaluate(CLI::App& program, Context& context);
 void add_store(CLI::App& program, Context& context);
 void add_doctor(CLI::App& program, Context& context);
+void add_bench(CLI::App& program, Context& context);
 void add_demo(CLI::App& program, Context& context);
 
 }  // namespace lightstage::cli

@@ -91,6 +91,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_evaluate(program, context);
   add_store(program, context);
   add_doctor(program, context);
+  add_bench(program, context);
   add_demo(program, context);
 }
 

@@ -25,7 +25,8 @@ std::size_t Encoding::bytes() const {
   return total;
 }
 
-Encoder::Encoder(const SuperresWeights& weights, const Kernels& kernels) : kernels_(kernels) {
+Encoder::Encoder(const SuperresWeights& weights, const Kernels& kernels)
+    : kernels_(kernels), brightest_input_(weights.brightest_input) {
   int in = kImageChannels;
   for (std::size_t level = 0; level < weights.channels.size(); ++level) {
     const std::string name = "encoder." + std::to_string(level);
@@ -72,7 +73,7 @@ FeatureMap Encoder::first_level(core::ImageView image, const core::Direction& li
     const auto fill = [&](int y, float* out) {
       const float* in = image.row(y);
       for (int x = 0; x < image.width(); ++x, in += 3, out += kLanes) {
-        std::copy_n(in, 3, out);
+        for (int c = 0; c < 3; ++c) out[c] = std::min(in[c], brightest_input_);
         std::copy_n(xyz, 3, out + 3);
       }
     };

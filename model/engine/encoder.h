@@ -48,6 +48,7 @@ class Encoder {
   void normalise(const Layer& layer, std::span<const Moments> moments, std::size_t parts, const FeatureMap& map) const;
 
   const Kernels& kernels_;
+  float brightest_input_;
   std::vector<Layer> layers_;
 };
 

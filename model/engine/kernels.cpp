@@ -30,6 +30,14 @@ const Kernels& float_kernels() {
   return *all_float_kernels().back();
 }
 
+const ChannelLoops& channel_loops() {
+#if defined(__x86_64__)
+  if (&float_kernels() == &kAvx512Kernels) return kAvx512ChannelLoops;
+  if (&float_kernels() == &kAvx2Kernels) return kAvx2ChannelLoops;
+#endif
+  return kPlainChannelLoops;
+}
+
 const Kernels* bfloat_kernels() {
 #if defined(__x86_64__)
   if (&float_kernels() == &kAvx512Kernels && __builtin_cpu_supports("avx512bf16")) return &kAvx512Bf16Kernels;

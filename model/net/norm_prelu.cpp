@@ -5,6 +5,8 @@
 #include <cmath>
 #include <vector>
 
+#include "model/engine/channel_loops.h"
+
 namespace lightstage::model {
 namespace {
 
@@ -59,6 +61,10 @@ Tensor channels_last(const Tensor& x) {
 // Per image and channel, so that scale * (x - mean) / deviation + shift = gain * x + offset.
 struct Affine {
   std::vector<float> gain, offset;
+
+  ChannelAffine of_image(std::int64_t image, std::int64_t channels, const float* slope) const {
+    return {gain.data() + image * channels, offset.data() + image * channels, slope};
+  }
 };
 
 struct Statistics {
@@ -69,16 +75,7 @@ Statistics statistics(const Layout& layout, const float* x, std::int64_t groups)
   const std::int64_t channels = layout.channels;
   std::vector<double> partial(std::size_t(layout.blocks() * 2 * channels), 0.0);
   layout.for_each_block([&](std::int64_t block, std::int64_t, std::int64_t first, std::int64_t pixels) {
-    double* const sum = partial.data() + block * 2 * channels;
-    double* const squares = sum + channels;
-    const float* in = x + first;
-    for (std::int64_t p = 0; p < pixels; ++p, in += channels) {
-      for (std::int64_t c = 0; c < channels; ++c) {
-        const double value = in[c];
-        sum[c] += value;
-        squares[c] += value * value;
-      }
-    }
+    channel_loops().add_moments(x + first, pixels, channels, partial.data() + block * 2 * channels);
   });
   const std::vector<double> sums = layout.sum_per_image(partial, 2 * channels);
 
@@ -135,16 +132,8 @@ struct NormPrelu : torch::autograd::Function<NormPrelu> {
     Tensor y = torch::empty_like(x, at::MemoryFormat::ChannelsLast);
     const float* const slopes = slope.data_ptr<float>();
     layout.for_each_block([&](std::int64_t, std::int64_t image, std::int64_t first, std::int64_t pixels) {
-      const float* in = x.data_ptr<float>() + first;
-      float* out = y.data_ptr<float>() + first;
-      const float* const gain = a.gain.data() + image * layout.channels;
-      const float* const offset = a.offset.data() + image * layout.channels;
-      for (std::int64_t p = 0; p < pixels; ++p, in += layout.channels, out += layout.channels) {
-        for (std::int64_t c = 0; c < layout.channels; ++c) {
-          const float z = gain[c] * in[c] + offset[c];
-          out[c] = z > 0 ? z : slopes[c] * z;
-        }
-      }
+      channel_loops().apply(x.data_ptr<float>() + first, pixels, layout.channels,
+                            a.of_image(image, layout.channels, slopes), y.data_ptr<float>() + first);
     });
     context->saved_data["groups"] = groups;
     context->save_for_backward({x, scale, shift, slope, to_tensor(s.mean), to_tensor(s.inverse_deviation)});
@@ -165,20 +154,8 @@ struct NormPrelu : torch::autograd::Function<NormPrelu> {
     // Per block and channel: the sums of dz, of dz x and of dy min(z, 0), where dz is the gradient before the PReLU.
     std::vector<double> partial(std::size_t(layout.blocks() * 3 * channels), 0.0);
     layout.for_each_block([&](std::int64_t block, std::int64_t image, std::int64_t first, std::int64_t pixels) {
-      double* const sum = partial.data() + block * 3 * channels;
-      const float* in = x.data_ptr<float>() + first;
-      const float* up = dy.data_ptr<float>() + first;
-      const float* const gain = a.gain.data() + image * channels;
-      const float* const offset = a.offset.data() + image * channels;
-      for (std::int64_t p = 0; p < pixels; ++p, in += channels, up += channels) {
-        for (std::int64_t c = 0; c < channels; ++c) {
-          const float z = gain[c] * in[c] + offset[c];
-          const float dz = z > 0 ? up[c] : slopes[c] * up[c];
-          sum[c] += dz;
-          sum[channels + c] += double(dz) * in[c];
-          sum[2 * channels + c] += z > 0 ? 0.0 : double(up[c]) * z;
-        }
-      }
+      channel_loops().add_gradients(x.data_ptr<float>() + first, dy.data_ptr<float>() + first, pixels, channels,
+                                    a.of_image(image, channels, slopes), partial.data() + block * 3 * channels);
     });
     const std::vector<double> sums = layout.sum_per_image(partial, 3 * channels);
 
@@ -210,18 +187,9 @@ struct NormPrelu : torch::autograd::Function<NormPrelu> {
     }
     Tensor dx = torch::empty_like(x, at::MemoryFormat::ChannelsLast);
     layout.for_each_block([&](std::int64_t, std::int64_t image, std::int64_t first, std::int64_t pixels) {
-      const float* in = x.data_ptr<float>() + first;
-      const float* up = dy.data_ptr<float>() + first;
-      float* out = dx.data_ptr<float>() + first;
-      const std::int64_t row = image * channels;
-      for (std::int64_t p = 0; p < pixels; ++p, in += channels, up += channels, out += channels) {
-        for (std::int64_t c = 0; c < channels; ++c) {
-          const float gain = a.gain[std::size_t(row + c)];
-          const float z = gain * in[c] + a.offset[std::size_t(row + c)];
-          const float dz = z > 0 ? up[c] : slopes[c] * up[c];
-          out[c] = gain * dz + tilt[std::size_t(row + c)] * in[c] + level[std::size_t(row + c)];
-        }
-      }
+      channel_loops().gradient(x.data_ptr<float>() + first, dy.data_ptr<float>() + first, pixels, channels,
+                               a.of_image(image, channels, slopes), tilt.data() + image * channels,
+                               level.data() + image * channels, dx.data_ptr<float>() + first);
     });
     return {dx, to_tensor(d_scale).to(torch::kFloat32), to_tensor(d_shift).to(torch::kFloat32),
             to_tensor(d_slope).to(torch::kFloat32), Tensor()};
