@@ -1,0 +1,79 @@
+// The engine behind the interface that the program uses: masks, borders, grey scans.
+#include <catch2/catch.hpp>
+
+// torch brings a CHECK of its own, which ends the program.
+#pragma push_macro("CHECK")
+#include <torch/torch.h>
+#pragma pop_macro("CHECK")
+
+#include "core/display.h"
+#include "core/sphere.h"
+#include "model/engine/engine_interpolator.h"
+#include "model/net/pixels.h"
+#include "model/synthetic_scan.h"
+
+namespace lightstage {
+namespace {
+
+using core::Image;
+using torch::Tensor;
+
+const model::NetworkConfig kConfig{.neighbours = 6, .channels = {8, 12, 16}, .query_channels = {8, 16}};
+
+// Display-encoded, [k, 3, h, w].
+Tensor displays(const core::OlatScan& scan, const std::vector<std::size_t>& lights) {
+  std::vector<Tensor> images;
+  for (const std::size_t light : lights) images.push_back(model::to_display(*scan.image(light), scan.exposure()));
+  return torch::stack(images);
+}
+
+struct MaskedScan {
+  int height, width, channels;
+  int top, left, mask_height, mask_width;
+};
+
+TEST_CASE("inside the mask's box the picture is the network's, outside it is linear blending") {
+  const auto m =
+      GENERATE(values<MaskedScan>({{37, 53, 3, 5, 9, 21, 30},    // inside
+                                   {37, 53, 1, 11, 20, 26, 33},  // up to the corner, so the window reaches out
+                                   {16, 24, 3, 0, 0, 16, 24},    // everything
+                                   {9, 7, 3, 4, 3, 1, 1}}));     // one pixel
+  CAPTURE(m.height, m.width, m.mask_height);
+  Image mask(m.height, m.width, 1);
+  for (int y = 0; y < m.mask_height; ++y) {
+    for (int x = 0; x < m.mask_width; ++x) mask(m.top + y, m.left + x) = 1;
+  }
+  const core::ImageSize size{m.height, m.width, m.channels};
+  const std::vector<core::Direction> lights = core::fibonacci_directions(50);
+  const auto glow = [](const core::Direction& light, int y, int x, int c) {
+    return 0.3 + 0.25 * std::sin(0.4 * x + 3 * light.x()) * std::cos(0.3 * y + c + 2 * light.y());
+  };
+  const core::OlatScan scan = test::scan_of(lights, size, glow, mask);
+  const model::SuperresNetwork network(kConfig, 4);
+  const auto interpolator = model::make_engine_interpolator(scan, network, {});
+  CHECK(interpolator->name() == "superres");
+  CHECK(interpolator->linear_weights(lights[3]).empty());
+
+  for (const core::Direction& query : {core::Direction::from_vector({0.1, 0.5, 0.7}), lights[17]}) {
+    const torch::NoGradGuard no_gradients;
+    const model::ActiveSet set = network.active_set(query, lights, core::nearest_indices(lights, query, 6),
+                                                    core::median_spacing_radians(lights));
+    const Tensor images = displays(scan, set.lights);
+    const model::Window window =
+        model::rounded_up({m.top, m.left, m.mask_height, m.mask_width}, network.size_multiple());
+    Tensor expected = (images * set.weights.view({-1, 1, 1, 1})).sum(0, true);
+    model::cut(expected, {m.top, m.left, m.mask_height, m.mask_width})
+        .copy_(model::cut(network.predict(model::cut(images, window), {}, set), {0, 0, m.mask_height, m.mask_width}));
+    const Image linear = model::from_display(expected, scan.exposure(), m.channels);
+
+    const Image picture = interpolator->render(query);
+    REQUIRE(picture.size() == size);
+    for (std::size_t i = 0; i < picture.values().size(); ++i) {
+      REQUIRE(core::display_encode(picture.values()[i]) ==
+              Approx(core::display_encode(linear.values()[i])).margin(1e-4));
+    }
+  }
+}
+
+}  // namespace
+}  // namespace lightstage
