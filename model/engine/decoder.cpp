@@ -35,11 +35,23 @@ std::vector<float> copied(std::span<const float> values) {
 
 struct Decoder::Workspace {
   int height = 0, width = 0;                     // of the picture
-  std::vector<FeatureMap> outputs;               // of the convolutions, by level; of level 0 only where it is kept
+  bool frugal = false;                           // maps exist only while they are needed, and that of level 0 never
+  std::vector<FeatureMap> outputs;               // of the convolutions, by level
   std::vector<FeatureMap> inputs;                // by level, where there is more than one pair of output blocks
   std::vector<std::vector<Moments>> moments;     // by level: by pair and part
   std::vector<std::vector<BlockAffine>> affine;  // by level, for its output
   std::vector<float> query;
+
+  void begin_level(std::size_t level) {
+    if (inputs[level].height() > 0) inputs[level].allocate();
+    if (!(frugal && level == 0)) outputs[level].allocate();
+  }
+  // Of those that level `level` has read.
+  void end_level(std::size_t level) {
+    if (!frugal) return;
+    inputs[level].release();
+    if (level + 1 < outputs.size()) outputs[level + 1].release();
+  }
 
   // A thread's rows.
   std::size_t scratch_bytes = 0;
@@ -184,20 +196,18 @@ std::unique_ptr<Decoder::Workspace> Decoder::make_workspace(int height, int widt
   for (std::size_t level = 0; level < layers_.size(); ++level) {
     const PackedConvolution& convolution = layers_[level].convolution;
     const int h = height >> level, w = width >> level;
-    const std::size_t number = size_of(kernels_.number);
-    const std::size_t output_bytes =
-        std::size_t(h) * std::size_t(w) * std::size_t(convolution.output_blocks() * kLanes) * number;
-    const bool kept = level > 0 || output_bytes <= options_.largest_map_bytes;
-    space->outputs.push_back(kept ? FeatureMap(h, w, convolution.output_channels(), Number::kFloat32) : FeatureMap());
-    space->inputs.push_back(convolution.pairs() > 1 ? FeatureMap(h / 2, w / 2, convolution.input_blocks() * kLanes,
-                                                                 kernels_.number, {.right = 1, .bottom = 1})
-                                                    : FeatureMap());
+    space->outputs.push_back(FeatureMap::shape(h, w, convolution.output_channels(), Number::kFloat32));
+    space->inputs.push_back(convolution.pairs() > 1
+                                ? FeatureMap::shape(h / 2, w / 2, convolution.input_blocks() * kLanes, kernels_.number,
+                                                    {.right = 1, .bottom = 1})
+                                : FeatureMap());
     space->moments.emplace_back(std::size_t(convolution.pairs()) * bands(h / 2));
   }
   for (std::size_t level = 0; level < layers_.size(); ++level) {
     space->scratch_bytes = std::max(space->scratch_bytes, Rows(*space, *this, level).bytes_needed());
     space->idle_scratch.clear();
   }
+  space->frugal = space->outputs.front().bytes() > options_.largest_map_bytes;
   return space;
 }
 
@@ -285,14 +295,16 @@ void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodin
 void Decoder::decode_rolling(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const {
   const int height = space.height >> (level + 1);
   const FeatureMap& map = space.outputs[level];
-  const bool past_caches = map.bytes() > kCachedBytes;
+  const bool past_caches = map.bytes() > kCachedBytes && !(space.frugal && level == 0);
   core::parallel_for(bands(height), 1, [&](std::size_t part, std::size_t) {
     const Rows scratch(space, *this, level);
     const int first = int(part) * kBandRows;
     roll(
         level, first, std::min(height, first + kBandRows), pooled, space, scratch, past_caches,
         space.moments[level][part],
-        [&](int y, int parity) { return map.height() > 0 ? map.row(2 * y + parity) : scratch.output(parity); },
+        [&](int y, int parity) {
+          return space.frugal && level == 0 ? scratch.output(parity) : map.row(2 * y + parity);
+        },
         [](int) {});
     if (past_caches) std::atomic_thread_fence(std::memory_order_seq_cst);
   });
@@ -351,7 +363,7 @@ void Decoder::paint(const WeightedEncodings& pooled, Workspace& space, core::Ima
     };
 
     const int from = std::max(0, first - 1), to = std::min(height, last + 1);
-    if (map.height() > 0) {
+    if (!space.frugal) {
       for (int y = from; y < to; ++y) accept(y, map.row(y));
     } else {
       Moments ignored;
@@ -370,7 +382,7 @@ void Decoder::paint(const WeightedEncodings& pooled, Workspace& space, core::Ima
 
 core::Image Decoder::decode(const WeightedEncodings& pooled, const core::Direction& query) const {
   // The farthest of the active set weighs nothing: not even read.
-  WeightedEncodings read;
+  WeightedEncodings read{{}, {}, pooled.done};
   for (std::size_t i = 0; i < pooled.encodings.size(); ++i) {
     if (pooled.weights[i] == 0) continue;
     read.encodings.push_back(pooled.encodings[i]);
@@ -385,6 +397,7 @@ core::Image Decoder::decode(const WeightedEncodings& pooled, const core::Directi
   space.query = query_features(query);
   space.query.resize(std::size_t(round_up(int(space.query.size()), kLanes)), 0.f);
   for (std::size_t level = layers_.size(); level-- > 0;) {
+    space.begin_level(level);
     std::fill(space.moments[level].begin(), space.moments[level].end(), Moments());
     if (layers_[level].convolution.pairs() == 1) {
       decode_rolling(level, read, space);
@@ -392,9 +405,14 @@ core::Image Decoder::decode(const WeightedEncodings& pooled, const core::Directi
       decode_pairs(level, read, space);
     }
     space.affine[level] = group_norm(space.moments[level], bands(space.height >> (level + 1)), layers_[level].norm);
+    if (level == 0) break;  // still read for the picture
+    space.end_level(level);
+    if (read.done) read.done(level);
   }
   core::Image picture(space.height, space.width, 3);
   paint(read, space, picture);
+  space.end_level(0);
+  if (read.done) read.done(0);
   return picture;
 }
 

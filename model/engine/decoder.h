@@ -1,6 +1,7 @@
 // The decoder half of the engine: from the encodings of the active set to the picture of a query.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <span>
@@ -19,11 +20,13 @@ namespace lightstage::model {
 struct WeightedEncodings {
   std::vector<const Encoding*> encodings;  // all of one size and number format
   std::vector<float> weights;
+  // Called, where set, when a level will not be read any more: its memory may go.
+  std::function<void(std::size_t level)> done;
 };
 
 struct DecoderOptions {
-  // The last feature map is computed twice, first for its statistics, then for the picture, where it would take more than this: it is twice
-  // as large as everything else together.
+  // Where the last feature map would take more than this (it is twice as large as everything else together) it is computed twice, first for
+  // its statistics, then for the picture, and no memory is kept between queries.
   std::size_t largest_map_bytes = std::size_t(1) << 30;
 };
 

@@ -1,5 +1,7 @@
 #include "model/engine/encoder.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <cstring>
 #include <utility>
@@ -12,6 +14,7 @@ namespace {
 constexpr Margin kLeft{.left = 1};
 constexpr int kImageChannels = 6;
 constexpr int kBandRows = 8;
+constexpr std::size_t kLargeImageBytes = std::size_t(64) << 20;
 
 std::size_t bands(int height) {
   return std::size_t((height + kBandRows - 1) / kBandRows);
@@ -113,9 +116,13 @@ FeatureMap Encoder::next_level(const Layer& layer, const FeatureMap& below) cons
   return map;
 }
 
-void Encoder::encode(core::ImageView image, const core::Direction& light,
+void Encoder::encode(core::Image image, const core::Direction& light,
                      const std::function<void(std::size_t level, FeatureMap map)>& receive) const {
   FeatureMap below = first_level(image, light);
+  const std::size_t image_bytes = image.values().size() * sizeof(float);
+  image = core::Image();
+  // What malloc keeps of freed images would stand beside the largest maps.
+  if (image_bytes >= kLargeImageBytes) ::malloc_trim(0);
   for (std::size_t level = 1; level < layers_.size(); ++level) {
     FeatureMap next = next_level(layers_[level], below);
     receive(level - 1, std::exchange(below, FeatureMap()));
@@ -124,9 +131,9 @@ void Encoder::encode(core::ImageView image, const core::Direction& light,
   receive(layers_.size() - 1, std::move(below));
 }
 
-Encoding Encoder::encode(core::ImageView image, const core::Direction& light, Number number) const {
+Encoding Encoder::encode(core::Image image, const core::Direction& light, Number number) const {
   Encoding encoding;
-  encode(image, light, [&](std::size_t, FeatureMap map) {
+  encode(std::move(image), light, [&](std::size_t, FeatureMap map) {
     encoding.levels.push_back(number == Number::kFloat32 ? std::move(map) : shortened(map, kernels_));
   });
   return encoding;

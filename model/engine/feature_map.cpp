@@ -40,8 +40,9 @@ Pages::Pages(Pages&& other) noexcept
     : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
 
 Pages& Pages::operator=(Pages&& other) noexcept {
-  std::swap(data_, other.data_);
-  std::swap(size_, other.size_);
+  const Pages old = std::move(*this);
+  data_ = std::exchange(other.data_, nullptr);
+  size_ = std::exchange(other.size_, 0);
   return *this;
 }
 
@@ -59,6 +60,10 @@ FeatureMap FeatureMap::shape(int height, int width, int channels, Number number,
 FeatureMap::FeatureMap(int height, int width, int channels, Number number, Margin margin)
     : FeatureMap(shape(height, width, channels, number, margin)) {
   pages_ = Pages(bytes());
+}
+
+void FeatureMap::allocate() {
+  if (pages_.data() == nullptr) pages_ = Pages(bytes());
 }
 
 FeatureMap::FeatureMap(const FeatureMap& shape, Pages pages)

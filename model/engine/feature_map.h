@@ -53,6 +53,10 @@ class FeatureMap {
   static FeatureMap shape(int height, int width, int channels, Number number, Margin margin = {});
   // A map of the same shape on other pages.
   FeatureMap(const FeatureMap& shape, Pages pages);
+  // Zeros for a map that is a shape alone; nothing for another.
+  void allocate();
+  // Keeps the shape.
+  void release() { pages_ = Pages(); }
 
   int height() const { return height_; }
   int width() const { return width_; }

@@ -9,7 +9,8 @@ NetworkWeights::NetworkWeights(const Network& network) : config_(network.config(
 }
 
 SuperresWeights NetworkWeights::view() const {
-  return {config_.channels, config_.query_channels, float(Network::kBrightestInput), [this](const std::string& name) {
+  return {config_.neighbours, config_.channels, config_.query_channels, float(Network::kBrightestInput),
+          [this](const std::string& name) {
             const torch::Tensor& tensor = tensors_.at(name);
             return std::span<const float>(tensor.data_ptr<float>(), std::size_t(tensor.numel()));
           }};

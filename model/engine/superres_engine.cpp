@@ -38,6 +38,12 @@ std::size_t bytes_of_encoding(const Encoder& encoder, core::ImageSize size, Numb
   return bytes;
 }
 
+// Memory that does not hold an active set would be written over before it is read.
+EncodingBudget usable(EncodingBudget budget, bool holds_active_set) {
+  if (!holds_active_set) budget.memory_bytes = 0;
+  return budget;
+}
+
 }  // namespace
 
 const Kernels& kernels_for(Number products) {
@@ -57,8 +63,10 @@ SuperresEngine::SuperresEngine(const SuperresWeights& weights, core::ImageSize s
       options_(options),
       encoder_(weights),
       decoder_(weights, kernels_for(options.products), options.decoder),
-      encoding_bytes_(bytes_of_encoding(encoder_, size, options.storage)),
-      cache_(options.budget) {}
+      holds_active_set_(bytes_of_encoding(encoder_, size, options.storage) <=
+                        options.budget.memory_bytes / std::size_t(weights.neighbours)),
+      holds_one_(bytes_of_encoding(encoder_, size, options.storage) <= options.budget.spill_bytes),
+      cache_(usable(options.budget, holds_active_set_)) {}
 
 EncodingCache::Pointer SuperresEngine::encoding(std::size_t light) const {
   if (EncodingCache::Pointer found = cache_.find(light)) return found;
@@ -76,7 +84,7 @@ Encoding SuperresEngine::pooled(std::span<const std::size_t> active, std::span<c
   for (std::size_t i = 0; i < active.size(); ++i) {
     if (weights[i] == 0) continue;
     const auto add = [&](std::size_t level, const FeatureMap& map) { accumulate(sum.levels[level], map, weights[i]); };
-    if (encoding_bytes_ <= options_.budget.memory_bytes || encoding_bytes_ <= options_.budget.spill_bytes) {
+    if (holds_one_) {
       const EncodingCache::Pointer kept = encoding(active[i]);
       for (std::size_t level = 0; level < kept->levels.size(); ++level) add(level, kept->levels[level]);
     } else {
@@ -92,9 +100,9 @@ core::Image SuperresEngine::render(const core::Direction& query, std::span<const
   WeightedEncodings terms;
   std::vector<EncodingCache::Pointer> held;
   Encoding sum;
-  if (active.size() * encoding_bytes_ > options_.budget.memory_bytes) {
+  if (!holds_active_set_) {
     sum = pooled(active, weights);
-    terms = {{&sum}, {1.f}};
+    terms = {{&sum}, {1.f}, [&sum](std::size_t level) { sum.levels[level].release(); }};
   } else {
     for (std::size_t i = 0; i < active.size(); ++i) {
       if (weights[i] == 0) continue;

@@ -36,8 +36,9 @@ class SuperresEngine {
 
   // The picture of a query, display-encoded, from the active set (indices into the lights) and the weights of its members; those that weigh
   // nothing are not even loaded. May be called from several threads. The same, to float rounding, whatever is cached, and bit by bit for
-  // every thread count. Where the encodings of the active set do not fit the budget's memory they are pooled one after the other, which
-  // takes about 37 numbers a pixel for 32 channels at the first level; otherwise they stay in memory until the budget is spent.
+  // every thread count. Where the budget's memory does not hold the encodings of an active set they are pooled one after the other as they
+  // are made, or read from the file: at the first level's 32 channels and 4096 x 4096 pixels this takes 1 GB for the sums and at most as
+  // much beside them.
   core::Image render(const core::Direction& query, std::span<const std::size_t> active,
                      std::span<const float> weights) const;
 
@@ -51,7 +52,8 @@ class SuperresEngine {
   EngineOptions options_;
   Encoder encoder_;
   Decoder decoder_;
-  std::size_t encoding_bytes_;
+  bool holds_active_set_;
+  bool holds_one_;  // in the file, where memory does not hold an active set
   mutable EncodingCache cache_;
 };
 

@@ -9,6 +9,7 @@
 namespace lightstage::model {
 
 struct SuperresWeights {
+  int neighbours;                   // k, lights in an active set
   std::vector<int> channels;        // C_0 .. C_(L-1)
   std::vector<int> query_channels;  // Q_0 ..
   float brightest_input;            // images are limited to this
