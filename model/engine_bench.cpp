@@ -132,7 +132,7 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
     throw core::UsageError("this network takes sizes that are multiples of " + std::to_string(multiple) + ", not " +
                            std::to_string(size));
   }
-  prepare_torch();
+  at::set_num_threads(core::thread_count());
   torch::manual_seed(kSeed);
   const SuperresNetwork network(config, kSeed);
   const std::vector<core::Direction> lights = core::fibonacci_directions(kStageLights);
@@ -172,7 +172,6 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
     bench.encode_s = seconds(3, [&] { encoder.encode(image, lights[active.front()], Number::kFloat32); });
     bench.peak_rss_bytes = peak_rss_bytes();
 
-    bench.roofline_gflops = roofline_gflops(config, size);
     const StraightforwardSuperres straightforward(network);
     const Tensor rows = images.contiguous();
     Tensor picture;
@@ -186,14 +185,19 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
   const Tensor crop = images.slice(2, 0, bench.train_size).slice(3, 0, bench.train_size);
   const Tensor last = crop.contiguous(at::MemoryFormat::ChannelsLast), rows = crop.contiguous();
   const Tensor truth = last.slice(0, 0, 1).contiguous();
-  std::vector<Tensor> parameters;
-  for (const auto& [name, tensor] : network.parameters()) parameters.push_back(tensor);
-  bench.train_steps_per_s = steps_per_second(
-      parameters, truth, [&] { return network.predict(last, {}, network.active_set(query, lights, active, spacing)); });
   const StraightforwardSuperres straightforward(network);
   bench.straightforward_train_steps_per_s = steps_per_second(straightforward.parameters(), truth, [&] {
     return straightforward.predict(rows, network.active_set(query, lights, active, spacing));
   });
+
+  // From here on memory is handled as training handles it, which plain libtorch does not do for itself.
+  prepare_torch();
+  std::vector<Tensor> parameters;
+  for (const auto& [name, tensor] : network.parameters()) parameters.push_back(tensor);
+  bench.train_steps_per_s = steps_per_second(
+      parameters, truth, [&] { return network.predict(last, {}, network.active_set(query, lights, active, spacing)); });
+  const torch::NoGradGuard no_gradients;
+  bench.roofline_gflops = roofline_gflops(config, size);
   return bench;
 }
 

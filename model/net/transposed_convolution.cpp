@@ -1,5 +1,7 @@
 #include "model/net/transposed_convolution.h"
 
+#include <torch/torch.h>
+
 #include <array>
 
 namespace lightstage::model {
