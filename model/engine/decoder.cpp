@@ -9,13 +9,13 @@
 #include <utility>
 
 #include "core/parallel.h"
+#include "model/engine/decoder_workspace.h"
 
 namespace lightstage::model {
 namespace {
 
 constexpr int kMostEncodings = 64;
 constexpr int kBandRows = 16;
-constexpr int kPictureStep = 8;  // pixels that the picture kernel takes at most at a time
 constexpr double kEpsilon = 1e-5;
 constexpr std::size_t kCachedBytes = std::size_t(16) << 20;  // larger maps have left the caches before they are read
 
@@ -32,48 +32,6 @@ std::vector<float> copied(std::span<const float> values) {
 }
 
 }  // namespace
-
-struct Decoder::Workspace {
-  int height = 0, width = 0;                     // of the picture
-  bool frugal = false;                           // maps exist only while they are needed, and that of level 0 never
-  std::vector<FeatureMap> outputs;               // of the convolutions, by level
-  std::vector<FeatureMap> inputs;                // by level, where there is more than one pair of output blocks
-  std::vector<std::vector<Moments>> moments;     // by level: by pair and part
-  std::vector<std::vector<BlockAffine>> affine;  // by level, for its output
-  std::vector<float> query;
-
-  void begin_level(std::size_t level) {
-    if (inputs[level].height() > 0) inputs[level].allocate();
-    if (!(frugal && level == 0)) outputs[level].allocate();
-  }
-  // Of those that level `level` has read.
-  void end_level(std::size_t level) {
-    if (!frugal) return;
-    inputs[level].release();
-    if (level + 1 < outputs.size()) outputs[level + 1].release();
-  }
-
-  // A thread's rows.
-  std::size_t scratch_bytes = 0;
-  std::mutex mutex;
-  std::vector<Pages> idle_scratch;
-
-  Pages take_scratch() {
-    {
-      const std::lock_guard lock(mutex);
-      if (!idle_scratch.empty()) {
-        Pages scratch = std::move(idle_scratch.back());
-        idle_scratch.pop_back();
-        return scratch;
-      }
-    }
-    return Pages(scratch_bytes);
-  }
-  void give_scratch(Pages scratch) {
-    const std::lock_guard lock(mutex);
-    idle_scratch.push_back(std::move(scratch));
-  }
-};
 
 Decoder::Decoder(const SuperresWeights& weights, const Kernels& kernels, const DecoderOptions& options)
     : kernels_(kernels), options_(options) {
@@ -134,62 +92,25 @@ class Decoder::Lease {
   Lease(const Lease&) = delete;
   Lease& operator=(const Lease&) = delete;
 
-  Workspace& operator*() const { return *space_; }
+  DecoderWorkspace& operator*() const { return *space_; }
 
  private:
   const Decoder& decoder_;
-  std::unique_ptr<Workspace> space_;
+  std::unique_ptr<DecoderWorkspace> space_;
 };
 
-// The rows that one task computes with: two of input, two of output, and five for the picture.
-class Decoder::Rows {
- public:
-  Rows(Workspace& space, const Decoder& decoder, std::size_t level) : space_(space), scratch_(space.take_scratch()) {
-    const Layer& layer = decoder.layers_[level];
-    const int width = space.width >> (level + 1);
-    input_block_bytes_ = std::size_t(width + 1) * kLanes * size_of(decoder.kernels_.number);
-    input_bytes_ = input_block_bytes_ * std::size_t(layer.convolution.input_blocks());
-    output_block_bytes_ = std::size_t(2 * width) * kLanes * sizeof(float);
-    output_bytes_ = output_block_bytes_ * std::size_t(layer.convolution.output_blocks());
-    picture_block_bytes_ = picture_block_floats(space.width) * sizeof(float);
-    picture_bytes_ = picture_block_bytes_ * std::size_t(decoder.layers_.front().convolution.output_blocks());
-  }
-  ~Rows() { space_.give_scratch(std::move(scratch_)); }
-  Rows(const Rows&) = delete;
-  Rows& operator=(const Rows&) = delete;
+DecoderRowShape Decoder::row_shape(std::size_t level, int picture_width) const {
+  const PackedConvolution& convolution = layers_[level].convolution;
+  return {picture_width,
+          picture_width >> (level + 1),
+          convolution.input_blocks(),
+          convolution.output_blocks(),
+          layers_.front().convolution.output_blocks(),
+          kernels_.number};
+}
 
-  static std::size_t picture_block_floats(int width) { return std::size_t(round_up(width, kPictureStep) + 2) * kLanes; }
-  std::size_t bytes_needed() const { return 2 * input_bytes_ + 2 * output_bytes_ + 5 * picture_bytes_; }
-
-  Row input(int y) const { return {scratch_.data() + std::size_t(y % 2) * input_bytes_, input_block_bytes_}; }
-  Row no_input(int y) const {
-    const Row row = input(y);
-    std::memset(row.data, 0, input_bytes_);
-    return row;
-  }
-  Row output(int parity) const {
-    return {scratch_.data() + 2 * input_bytes_ + std::size_t(parity) * output_bytes_, output_block_bytes_};
-  }
-  // Pixel -1 of block 0.
-  float* picture(int y) const { return picture_row(std::size_t(y % 4)); }
-  float* no_picture() const {
-    std::memset(picture_row(4), 0, picture_bytes_);
-    return picture_row(4);
-  }
-
- private:
-  float* picture_row(std::size_t n) const {
-    return reinterpret_cast<float*>(scratch_.data() + 2 * input_bytes_ + 2 * output_bytes_ + n * picture_bytes_);
-  }
-
-  Workspace& space_;
-  Pages scratch_;
-  std::size_t input_block_bytes_, input_bytes_, output_block_bytes_, output_bytes_, picture_block_bytes_,
-      picture_bytes_;
-};
-
-std::unique_ptr<Decoder::Workspace> Decoder::make_workspace(int height, int width) const {
-  auto space = std::make_unique<Workspace>();
+std::unique_ptr<DecoderWorkspace> Decoder::make_workspace(int height, int width) const {
+  auto space = std::make_unique<DecoderWorkspace>();
   space->height = height;
   space->width = width;
   space->affine.resize(layers_.size());
@@ -204,8 +125,7 @@ std::unique_ptr<Decoder::Workspace> Decoder::make_workspace(int height, int widt
     space->moments.emplace_back(std::size_t(convolution.pairs()) * bands(h / 2));
   }
   for (std::size_t level = 0; level < layers_.size(); ++level) {
-    space->scratch_bytes = std::max(space->scratch_bytes, Rows(*space, *this, level).bytes_needed());
-    space->idle_scratch.clear();
+    space->scratch_bytes = std::max(space->scratch_bytes, row_shape(level, width).bytes());
   }
   space->frugal = space->outputs.front().bytes() > options_.largest_map_bytes;
   return space;
@@ -231,7 +151,7 @@ std::vector<float> Decoder::query_features(const core::Direction& query) const {
   return x;
 }
 
-void Decoder::write_input_row(std::size_t level, int y, const WeightedEncodings& pooled, const Workspace& space,
+void Decoder::write_input_row(std::size_t level, int y, const WeightedEncodings& pooled, const DecoderWorkspace& space,
                               const Row& out) const {
   const int width = space.width >> (level + 1);
   const std::size_t pixel_bytes = kLanes * size_of(kernels_.number);
@@ -276,9 +196,9 @@ void Decoder::write_input_row(std::size_t level, int y, const WeightedEncodings&
 // Convolves input rows first to last - 1, one after the other, with two rows of input at a time; output rows 2y and 2y + 1 go to output(y,
 // parity), then done(y) is called. For layers of one pair of output blocks.
 template <class Output, class Done>
-void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodings& pooled, const Workspace& space,
-                   const Rows& scratch, bool past_caches, Moments& moments, const Output& output,
-                   const Done& done) const {
+void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodings& pooled,
+                   const DecoderWorkspace& space, const DecoderRows& scratch, bool past_caches, Moments& moments,
+                   const Output& output, const Done& done) const {
   const PackedConvolution& convolution = layers_[level].convolution;
   const int height = space.height >> (level + 1), width = space.width >> (level + 1);
   write_input_row(level, first, pooled, space, scratch.input(first));
@@ -292,12 +212,12 @@ void Decoder::roll(std::size_t level, int first, int last, const WeightedEncodin
   }
 }
 
-void Decoder::decode_rolling(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const {
+void Decoder::decode_rolling(std::size_t level, const WeightedEncodings& pooled, DecoderWorkspace& space) const {
   const int height = space.height >> (level + 1);
   const FeatureMap& map = space.outputs[level];
   const bool past_caches = map.bytes() > kCachedBytes && !(space.frugal && level == 0);
   core::parallel_for(bands(height), 1, [&](std::size_t part, std::size_t) {
-    const Rows scratch(space, *this, level);
+    const DecoderRows scratch(space, row_shape(level, space.width));
     const int first = int(part) * kBandRows;
     roll(
         level, first, std::min(height, first + kBandRows), pooled, space, scratch, past_caches,
@@ -310,7 +230,7 @@ void Decoder::decode_rolling(std::size_t level, const WeightedEncodings& pooled,
   });
 }
 
-void Decoder::decode_pairs(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const {
+void Decoder::decode_pairs(std::size_t level, const WeightedEncodings& pooled, DecoderWorkspace& space) const {
   const PackedConvolution& convolution = layers_[level].convolution;
   const FeatureMap &in = space.inputs[level], &out = space.outputs[level];
   core::parallel_for(std::size_t(in.height()), 1, [&](std::size_t y, std::size_t) {
@@ -330,13 +250,13 @@ void Decoder::decode_pairs(std::size_t level, const WeightedEncodings& pooled, W
   });
 }
 
-void Decoder::paint(const WeightedEncodings& pooled, Workspace& space, core::Image& picture) const {
+void Decoder::paint(const WeightedEncodings& pooled, DecoderWorkspace& space, core::Image& picture) const {
   const FeatureMap& map = space.outputs.front();
   const std::vector<BlockAffine>& affine = space.affine.front();
   const int height = space.height, width = space.width;
-  const std::size_t block_floats = Rows::picture_block_floats(width);
+  const std::size_t block_floats = row_shape(0, width).picture_block_floats();
   core::parallel_for(bands(height / 2), 1, [&](std::size_t part, std::size_t) {
-    const Rows scratch(space, *this, 0);
+    const DecoderRows scratch(space, row_shape(0, width));
     const float* const outside = scratch.no_picture();
     const int first = int(part) * 2 * kBandRows, last = std::min(height, first + 2 * kBandRows);
     const auto paint_row = [&](int y) {
@@ -393,7 +313,7 @@ core::Image Decoder::decode(const WeightedEncodings& pooled, const core::Directi
   }
   const FeatureMap& finest = read.encodings.front()->levels.front();
   const Lease lease(*this, 2 * finest.height(), 2 * finest.width());
-  Workspace& space = *lease;
+  DecoderWorkspace& space = *lease;
   space.query = query_features(query);
   space.query.resize(std::size_t(round_up(int(space.query.size()), kLanes)), 0.f);
   for (std::size_t level = layers_.size(); level-- > 0;) {

@@ -30,6 +30,10 @@ struct DecoderOptions {
   std::size_t largest_map_bytes = std::size_t(1) << 30;
 };
 
+struct DecoderWorkspace;
+struct DecoderRowShape;
+class DecoderRows;
+
 class Decoder {
  public:
   // The kernels decide whether products are taken in float32 or bfloat16.
@@ -50,25 +54,24 @@ class Decoder {
     std::vector<float> weight, bias;
     NormPreluWeights norm;
   };
-  // What decoding one picture writes to.
-  struct Workspace;
   class Lease;
-  class Rows;
 
-  std::unique_ptr<Workspace> make_workspace(int height, int width) const;
+  DecoderRowShape row_shape(std::size_t level, int picture_width) const;
+  std::unique_ptr<DecoderWorkspace> make_workspace(int height, int width) const;
   std::vector<float> query_features(const core::Direction& query) const;
   // The input of a level's convolution, row y: what the level below made (of the coarsest: the query), then the pooled encodings.
-  void write_input_row(std::size_t level, int y, const WeightedEncodings& pooled, const Workspace& space,
+  void write_input_row(std::size_t level, int y, const WeightedEncodings& pooled, const DecoderWorkspace& space,
                        const Row& out) const;
   template <class Output, class Done>
-  void roll(std::size_t level, int first, int last, const WeightedEncodings& pooled, const Workspace& space,
-            const Rows& scratch, bool past_caches, Moments& moments, const Output& output, const Done& done) const;
+  void roll(std::size_t level, int first, int last, const WeightedEncodings& pooled, const DecoderWorkspace& space,
+            const DecoderRows& scratch, bool past_caches, Moments& moments, const Output& output,
+            const Done& done) const;
   // Fine levels have many pixels, few weights: a few rows of input at a time, made where they are used. Coarse ones the reverse: all input
   // first, then one pair of output blocks after the other, so that weights are read once.
-  void decode_rolling(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const;
-  void decode_pairs(std::size_t level, const WeightedEncodings& pooled, Workspace& space) const;
+  void decode_rolling(std::size_t level, const WeightedEncodings& pooled, DecoderWorkspace& space) const;
+  void decode_pairs(std::size_t level, const WeightedEncodings& pooled, DecoderWorkspace& space) const;
   // The last normalisation, the 3x3 convolution to three colours and the sigmoid.
-  void paint(const WeightedEncodings& pooled, Workspace& space, core::Image& picture) const;
+  void paint(const WeightedEncodings& pooled, DecoderWorkspace& space, core::Image& picture) const;
 
   const Kernels& kernels_;
   DecoderOptions options_;
@@ -77,7 +80,7 @@ class Decoder {
   std::vector<float> picture_weights_;
   float picture_bias_[3];
   mutable std::mutex mutex_;
-  mutable std::vector<std::unique_ptr<Workspace>> idle_;
+  mutable std::vector<std::unique_ptr<DecoderWorkspace>> idle_;
 };
 
 }  // namespace lightstage::model
