@@ -30,9 +30,9 @@ class Encoder {
   // A level of the encoding of an image of this size: its shape alone.
   FeatureMap level_shape(std::size_t level, core::ImageSize image, Number number) const;
 
-  // `image` is display-encoded, 3 channels, height and width multiples of 2^levels; `light` is the direction it was lit from. The image goes as soon as
-  // the first level stands. Calls receive(level, map), float32, as soon as a level is no longer needed, so that no more than two are held here at a time. Does not depend
-  // on the thread count.
+  // `image` is display-encoded, 3 channels, height and width multiples of 2^levels; `light` is the direction it was lit from. The image
+  // goes as soon as the first level stands. Calls receive(level, map), float32, as soon as a level is no longer needed, so that no more than two
+  // are held here at a time. Does not depend on the thread count.
   void encode(core::Image image, const core::Direction& light,
               const std::function<void(std::size_t level, FeatureMap map)>& receive) const;
   // All levels, stored as `number`.

@@ -1,4 +1,5 @@
-// The kernels for AVX-512 with bfloat16 products; compiled with its instructions, so nothing here runs before model/engine/kernels.cpp has asked the processor.
+// The kernels for AVX-512 with bfloat16 products; compiled with its instructions, so nothing here runs before model/engine/kernels.cpp has
+// asked the processor.
 #include "model/engine/instruction_sets.h"
 #include "model/engine/kernel_loops.h"
 
