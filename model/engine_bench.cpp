@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -157,16 +158,24 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
     const NetworkWeights tensors(network);
     EngineOptions options;
     options.budget.memory_bytes = std::size_t(1) << 40;  // the steady state is what is measured
-    const auto time_engine = [&](core::Image& picture) {
-      const SuperresEngine engine(tensors.view(), {size, size, 3}, lights, load, options);
-      picture = engine.render(query, active, weights);
-      return seconds(5, [&] { picture = engine.render(query, active, weights); });
-    };
-    bench.engine_s = time_engine(fast);
+    const core::ImageSize image_size{size, size, 3};
+    const SuperresEngine engine(tensors.view(), image_size, lights, load, options);
+    std::optional<SuperresEngine> engine_bf16;
     if (bfloat_kernels() != nullptr) {
       options.products = options.storage = Number::kBfloat16;
-      bench.engine_bf16_s = time_engine(fast_bf16);
+      engine_bf16.emplace(tensors.view(), image_size, lights, load, options);
+      engine_bf16->render(query, active, weights);
     }
+    engine.render(query, active, weights);
+    // Before plain libtorch and after it: a machine that does other things at times shows both sides the same.
+    const auto time_engines = [&] {
+      const double time = seconds(5, [&] { fast = engine.render(query, active, weights); });
+      bench.engine_s = bench.engine_s == 0 ? time : std::min(bench.engine_s, time);
+      if (!engine_bf16) return;
+      const double time_bf16 = seconds(5, [&] { fast_bf16 = engine_bf16->render(query, active, weights); });
+      bench.engine_bf16_s = std::min(bench.engine_bf16_s.value_or(time_bf16), time_bf16);
+    };
+    time_engines();
     const Encoder encoder(tensors.view());
     const core::Image image = load(active.front());
     bench.encode_s = seconds(3, [&] { encoder.encode(image, lights[active.front()], Number::kFloat32); });
@@ -177,6 +186,7 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
     Tensor picture;
     bench.straightforward_s = seconds(2, [&] { picture = straightforward.predict(rows, set); });
     plain = image_of(picture[0]);
+    time_engines();
   }
   bench.max_abs_diff = largest_difference(fast, plain);
   if (bench.engine_bf16_s) bench.max_abs_diff_bf16 = largest_difference(fast_bf16, plain);
