@@ -8,7 +8,6 @@
 #include "model/alias_free_weights.h"
 #include "model/checkpoint.h"
 #include "model/classical.h"
-#include "model/network_interpolator.h"
 
 namespace lightstage::model {
 
@@ -29,7 +28,7 @@ std::unique_ptr<LightInterpolator> make_network(const core::OlatScan& scan, cons
     throw core::UsageError(options.model_file.string() + ": is a model for --method " +
                            std::string(architecture_name(found)) + ", not " + name);
   }
-  return make_network_interpolator(scan, options.model_file);
+  return make_network_interpolator(scan, options.model_file, options.network);
 }
 
 const std::vector<Entry>& entries() {

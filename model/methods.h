@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "model/interpolator.h"
+#include "model/network_interpolator.h"
 
 namespace lightstage::model {
 
@@ -29,6 +30,7 @@ struct MethodOptions {
   Domain domain = Domain::kDisplay;  // of linear and rbf; nearest is the same in both, networks work display-encoded
   int neighbours = 8;                // k of linear; networks take theirs from the checkpoint
   std::optional<double> sharpness;   // s of linear; default_sharpness of the scan's spacing otherwise
+  NetworkOptions network;            // of superres
   std::filesystem::path model_file;  // checkpoint for blend and superres
 };
 

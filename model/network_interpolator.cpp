@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/sphere.h"
 #include "model/classical.h"
+#include "model/engine/engine_interpolator.h"
 #include "model/net/network.h"
 #include "model/net/network_file.h"
 #include "model/net/pixels.h"
@@ -15,9 +16,9 @@ namespace {
 
 using torch::Tensor;
 
-class NetworkInterpolator : public LightInterpolator {
+class BlendInterpolator : public LightInterpolator {
  public:
-  NetworkInterpolator(const core::OlatScan& scan, std::unique_ptr<Network> network)
+  BlendInterpolator(const core::OlatScan& scan, std::unique_ptr<Network> network)
       : scan_(scan),
         network_(std::move(network)),
         guide_(make_rbf(scan, Domain::kDisplay)),
@@ -27,7 +28,7 @@ class NetworkInterpolator : public LightInterpolator {
     prepare_torch();
   }
 
-  std::string_view name() const override { return architecture_name(network_->config().architecture); }
+  std::string_view name() const override { return architecture_name(Architecture::kBlend); }
   const core::OlatScan& scan() const override { return scan_; }
   core::Image render(const core::Direction& query) const override;
 
@@ -40,7 +41,7 @@ class NetworkInterpolator : public LightInterpolator {
   Window window_;  // mask_window_, grown to the sizes that the network takes
 };
 
-core::Image NetworkInterpolator::render(const core::Direction& query) const {
+core::Image BlendInterpolator::render(const core::Direction& query) const {
   const c10::InferenceMode inference;
   const std::vector<core::Direction>& lights = scan_.directions();
   const ActiveSet set = network_->active_set(
@@ -62,8 +63,18 @@ core::Image NetworkInterpolator::render(const core::Direction& query) const {
 }  // namespace
 
 std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatScan& scan,
-                                                             const std::filesystem::path& checkpoint) {
-  return std::make_unique<NetworkInterpolator>(scan, load_network(checkpoint));
+                                                             const std::filesystem::path& checkpoint,
+                                                             const NetworkOptions& options) {
+  std::unique_ptr<Network> network = load_network(checkpoint);
+  if (const auto* superres = dynamic_cast<const SuperresNetwork*>(network.get())) {
+    const Number number = options.bfloat16 ? Number::kBfloat16 : Number::kFloat32;
+    return make_engine_interpolator(
+        scan, *superres,
+        {.products = number,
+         .storage = number,
+         .budget = {.memory_bytes = options.cache_bytes, .spill_bytes = options.spill_bytes}});
+  }
+  return std::make_unique<BlendInterpolator>(scan, std::move(network));
 }
 
 }  // namespace lightstage::model

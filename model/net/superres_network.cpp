@@ -2,6 +2,7 @@
 
 #include "model/net/layers.h"
 #include "model/net/norm_prelu.h"
+#include "model/net/transposed_convolution.h"
 
 namespace lightstage::model {
 
@@ -46,9 +47,8 @@ Tensor SuperresNetwork::decode(const Pyramid& pooled, const Tensor& query) const
   Tensor x = spread(query_features(query), 1, coarsest.size(2), coarsest.size(3));
   for (std::size_t level = pooled.size(); level-- > 0;) {
     const std::string name = "decoder." + std::to_string(level);
-    x = channels_last(torch::cat({x, pooled[level]}, 1));
-    x = torch::conv_transpose2d(x, parameter(name + ".conv.weight"), parameter(name + ".conv.bias"), /*stride=*/2,
-                                /*padding=*/1, /*output_padding=*/1);
+    x = doubling_convolution(torch::cat({x, pooled[level]}, 1), parameter(name + ".conv.weight"),
+                             parameter(name + ".conv.bias"));
     x = norm_prelu(x, parameter(name + ".norm.scale"), parameter(name + ".norm.shift"), parameter(name + ".slope"),
                    norm_groups(x.size(1)));
   }

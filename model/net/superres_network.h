@@ -1,4 +1,4 @@
-// The published network, written plainly (Sun et al. 2020, "Light Stage Super-Resolution", section 4; docs/model.md draws it): what
+// The published network (Sun et al. 2020, "Light Stage Super-Resolution", section 4; docs/model.md draws it): what
 // training differentiates, and the reference for faster engines.
 //
 // Where the publication leaves a choice open: group norm has groups of 8 channels; the transposed convolution doubles sizes exactly (padding 1,
