@@ -17,6 +17,7 @@ void add_align(CLI::App& program, Context& context);
 void add_import(CLI::App& program, Context& context);
 void add_export(CLI::App& program, Context& context);
 void add_train(CLI::App& program, Context& context);
+void add_model(CLI::App& program, Context& context);
 void add_superres(CLI::App& program, Context& context);
 void add_relight(CLI::App& program, Context& context);
 void add_sky(CLI::App& program, Context& context);

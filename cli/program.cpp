@@ -85,6 +85,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_import(program, context);
   add_export(program, context);
   add_train(program, context);
+  add_model(program, context);
   add_superres(program, context);
   add_relight(program, context);
   add_sky(program, context);

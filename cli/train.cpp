@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -21,16 +22,14 @@ struct Options {
   std::vector<std::string> scans;
   std::string preset = "tiny";
   std::string start_from;
-  std::optional<double> learning_rate;
+  model::Pooling pooling = model::Pooling::kAliasFree;
+  bool freeze_sharpness = false;
   std::filesystem::path out;
   int hold_out_every = 0;
   std::optional<std::size_t> simulated;
   std::filesystem::path meshes;
   model::TrainOptions train;
 };
-
-// What a model has learned is not to be lost to the first steps on other data.
-constexpr double kAdaptingRate = 0.1;
 
 // All lights but every n-th, which a later `evaluate --held-out --every n` asks for.
 core::OlatScan without_held_out(const core::OlatScan& scan, int every) {
@@ -46,7 +45,9 @@ void show(const model::TrainReport& report, const Options& options, Context& con
   std::string text = "trained " + std::to_string(report.parameters) + " parameters for " +
                      std::to_string(report.steps) + " steps in " + fixed(report.seconds, 0) + " s; validation error " +
                      fixed(report.best_validation, 4) + ", rbf " + fixed(report.guide_validation, 4) + "\nwrote " +
-                     options.out.string() + "\n";
+                     options.out.string() + " (the best weights) and " +
+                     model::last_checkpoint_path(options.out).string() + " (the last)\n";
+  if (report.stopped_early) text += "stopped early: validation no longer improved\n";
   if (report.stopped_by_nan) text += "stopped early: the loss was not finite; the file holds the last good weights\n";
   context.result(text, {{"model", options.out.string()},
                         {"steps", report.steps},
@@ -54,6 +55,8 @@ void show(const model::TrainReport& report, const Options& options, Context& con
                         {"parameters", report.parameters},
                         {"validation", report.best_validation},
                         {"rbf_validation", report.guide_validation},
+                        {"last", model::last_checkpoint_path(options.out).string()},
+                        {"stopped_early", report.stopped_early},
                         {"stopped_by_nan", report.stopped_by_nan}});
 }
 
@@ -77,11 +80,15 @@ void run_train(Options options, Context& context) {
   if (!options.start_from.empty()) {
     options.train.start_from = model_file(options.start_from, context);
     options.train.config = model::read_checkpoint_info(*options.train.start_from).config;
-    options.train.learning_rate *= kAdaptingRate;
   } else {
     options.train.config = model::network_preset(options.preset);
+    if (options.pooling == model::Pooling::kAverage &&
+        options.train.config.architecture != model::Architecture::kSuperres) {
+      throw core::UsageError("--pooling average: " + options.preset + " pools alias_free only");
+    }
+    options.train.config.pooling = options.pooling;
   }
-  if (options.learning_rate) options.train.learning_rate = *options.learning_rate;
+  if (options.freeze_sharpness) options.train.sharpness_rate = 0;
   if (!options.train.minutes && !options.train.steps) options.train.minutes = 10;
   if (options.simulated) {
     show(train_on_simulated(options), options, context);
@@ -107,6 +114,7 @@ void run_train(Options options, Context& context) {
   product.parameters = json_text({{"file", file.string()},
                                   {"hash", db::hash_file(file).hex()},
                                   {"preset", options.preset},
+                                  {"pooling", options.pooling == model::Pooling::kAverage ? "average" : "alias_free"},
                                   {"steps", report.steps},
                                   {"held_out_every", options.hold_out_every}});
   store.add_product(product);
@@ -129,6 +137,21 @@ void add_train(CLI::App& program, Context& context) {
       ->add_option("--preset", options->preset,
                    "Network: tiny, small or paper (superres, from small to as published), or blend")
       ->capture_default_str();
+  const std::map<std::string, model::ActiveSetChoice> active_sets{{"random", model::ActiveSetChoice::kRandom},
+                                                                  {"naive", model::ActiveSetChoice::kNaive}};
+  command
+      ->add_option("--active-set", options->train.active_set,
+                   "Neighbours in training: random ones of the nearest 16, or naive, the nearest [random]")
+      ->transform(CLI::CheckedTransformer(active_sets));
+  const std::map<std::string, model::Pooling> poolings{{"alias_free", model::Pooling::kAliasFree},
+                                                       {"average", model::Pooling::kAverage}};
+  command->add_option("--pooling", options->pooling, "Of superres: alias_free, or average, which jumps [alias_free]")
+      ->transform(CLI::CheckedTransformer(poolings));
+  const std::map<std::string, bool> on_off{{"on", true}, {"off", false}};
+  command
+      ->add_option("--progressive", options->train.progressive,
+                   "on or off: train coarse pictures first [on for superres; blend cannot]")
+      ->transform(CLI::CheckedTransformer(on_off));
   command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
   command->add_option("--steps", options->train.steps, "Train for so many steps instead")
       ->check(CLI::Range(std::int64_t(1), std::int64_t(1) << 40));
@@ -136,10 +159,23 @@ void add_train(CLI::App& program, Context& context) {
       ->capture_default_str()
       ->check(CLI::Range(16, 4096));
   command
-      ->add_option("--learning-rate", options->learning_rate, "Of Adam, at the start [0.004; 0.0004 with --start-from]")
+      ->add_option("--learning-rate", options->train.learning_rate,
+                   "Of Adam, at the start [0.004; 0.0004 with --start-from; published: 0.001]")
       ->check(number_between(1e-8, 1.0));
+  CLI::Option* sharpness_rate =
+      command
+          ->add_option("--sharpness-rate", options->train.sharpness_rate,
+                       "Learning rate of the weights' sharpness s, as a factor of the rate of all else")
+          ->capture_default_str()
+          ->check(number_between(0, 100));
+  command->add_flag("--freeze-sharpness", options->freeze_sharpness, "Leave the sharpness s as it is")
+      ->excludes(sharpness_rate);
   command->add_option("--validate-every", options->train.validate_every, "Steps between validations")
       ->capture_default_str()
+      ->check(CLI::Range(1, 1 << 30));
+  command
+      ->add_option("--early-stop", options->train.early_stop,
+                   "Stop after so many validations without a new best one; progressive training counts at full size")
       ->check(CLI::Range(1, 1 << 30));
   command->add_option("--seed", options->train.seed, "Seed of weights and draws")->capture_default_str();
   command

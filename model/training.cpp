@@ -10,19 +10,22 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <numbers>
-#include <numeric>
 
 #include "core/error.h"
 #include "core/file.h"
+#include "core/image_file.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "core/text.h"
 #include "core/version.h"
-#include "model/net/checkpoint_metadata.h"
+#include "model/net/loss_curve.h"
 #include "model/net/network.h"
 #include "model/net/network_file.h"
 #include "model/net/pixels.h"
+#include "model/net/progressive.h"
 #include "model/net/training_data.h"
+#include "model/net/training_loss.h"
+#include "model/net/training_settings.h"
 #include "model/net/training_state.h"
 
 namespace lightstage::model {
@@ -32,67 +35,12 @@ namespace fs = std::filesystem;
 using Json = nlohmann::json;
 using torch::Tensor;
 
-constexpr double kSquaredWeight = 4;
 constexpr double kLargestGradient = 1;
 constexpr int kWarmUpSteps = 20;
-// Queries in training stand a whole light spacing away from their neighbours, and ask for flatter weights than users' queries do, which
-// stand between lights: s follows the training slowly.
-constexpr double kSharpnessRate = 0.1;
 
-void check(const TrainOptions& options) {
-  const auto require = [](bool holds, const std::string& problem) {
-    if (!holds) throw core::UsageError("training: " + problem);
-  };
-  require(options.minutes || options.steps, "give the minutes or the steps that it may take");
-  require(!options.minutes || (std::isfinite(*options.minutes) && *options.minutes > 0),
-          "minutes must be a number > 0");
-  require(!options.steps || *options.steps > 0, "steps must be > 0");
-  require(options.crop > 0, "the crop must be > 0 pixels");
-  require(options.candidates >= options.config.neighbours,
-          "candidates must be at least the network's " + std::to_string(options.config.neighbours) + " neighbours");
-  require(std::isfinite(options.learning_rate) && options.learning_rate > 0, "the learning rate must be a number > 0");
-  require(options.validate_every > 0, "the steps between validations must be > 0");
-}
-
-// What must be equal for a run to be resumed.
-Json settings(const Json& data, const TrainOptions& options) {
-  return {{"data", data},
-          {"config", Json::parse(config_to_json(options.config))},
-          {"seed", options.seed},
-          {"crop", options.crop},
-          {"candidates", options.candidates},
-          {"learning_rate", options.learning_rate},
-          {"validate_every", options.validate_every},
-          {"held_out_every", options.held_out_every},
-          {"start_from", options.start_from ? options.start_from->filename().string() : ""}};
-}
-
-Json description(std::span<const core::OlatScan> scans) {
-  Json names = Json::array();
-  for (const core::OlatScan& scan : scans) {
-    names.push_back({{"name", scan.name()},
-                     {"lights", scan.light_count()},
-                     {"height", scan.image_size().height},
-                     {"width", scan.image_size().width}});
-  }
-  return names;
-}
-
-struct Errors {
-  Tensor absolute, squared;  // means over the masked values
-};
-
-Errors errors(const Tensor& picture, const Example& example) {
-  const Tensor difference = (picture - example.truth) * example.mask;
-  const Tensor count = 3 * example.mask.sum();
-  return {difference.abs().sum() / count, difference.square().sum() / count};
-}
-
-Tensor predict(const Network& network, const Example& example) {
-  std::vector<std::size_t> all(example.lights.size());
-  std::iota(all.begin(), all.end(), std::size_t(0));
-  return network.predict(example.images, example.guide,
-                         network.active_set(example.query, example.lights, all, example.spacing));
+fs::path with_ending(fs::path path, const char* ending) {
+  path += ending;
+  return path;
 }
 
 std::unique_ptr<Network> first_network(const TrainOptions& options) {
@@ -111,10 +59,12 @@ class Run {
       const std::function<std::unique_ptr<TrainingData>(int multiple)>& make_data)
       : options_(options),
         out_(out),
-        settings_(settings(data_description, options)),
+        settings_(training_settings(data_description, options)),
         network_(first_network(options)),
-        optimiser_(parameter_groups(*network_), torch::optim::AdamOptions(options.learning_rate).eps(1e-7)),
-        data_(make_data(network_->size_multiple())) {}
+        optimiser_(parameter_groups(*network_), torch::optim::AdamOptions(learning_rate(options)).eps(1e-7)),
+        data_(make_data(network_->size_multiple())) {
+    if (options.sharpness_rate == 0) network_->parameter("log_sharpness").set_requires_grad(false);
+  }
 
   TrainReport train();
 
@@ -122,19 +72,24 @@ class Run {
   static std::vector<torch::optim::OptimizerParamGroup> parameter_groups(const Network& network);
 
   void start();
+  void set_learning_rates();
   // False when the loss or a gradient was not finite; the weights are then as before.
   bool step();
   double validation(const std::function<torch::Tensor(const Example&)>& picture) const;
   double validation() const;
+  void take_steps(TrainReport& report);
   void validate();
-  void write_csv() const;
+  bool out_of_patience() const;
+  void write_curve() const;
   double elapsed() const {
     return seconds_before_ + std::chrono::duration<double>(std::chrono::steady_clock::now() - begin_).count();
   }
   // Share of the budget that is used up.
   double fraction() const;
+  // Level of the pictures that are trained now; 0 when the network does not grow.
+  double position() const;
   void save();
-  std::string provenance() const;
+  std::string provenance(double validation) const;
   void show(core::Progress& progress, std::size_t& shown, std::size_t total) const;
 
   const std::chrono::steady_clock::time_point begin_ = std::chrono::steady_clock::now();
@@ -169,7 +124,7 @@ void Run::start() {
   }
   state_.guide_validation = validation([](const Example& example) { return example.guide; });
   state_.best_validation = validation();
-  save_network(out_, *network_, provenance());
+  save_network(out_, *network_, provenance(state_.best_validation));
   save();
 }
 
@@ -180,29 +135,41 @@ double Run::fraction() const {
   return used;
 }
 
-bool Run::step() {
+double Run::position() const {
+  return trains_progressively(options_) ? level_position(fraction(), int(options_.config.channels.size())) : 0;
+}
+
+void Run::set_learning_rates() {
   const double warm_up = std::min(1.0, double(state_.step + 1) / kWarmUpSteps);
-  const double decay = 0.01 + 0.99 * 0.5 * (1 + std::cos(std::numbers::pi * std::min(1.0, fraction())));
+  // A level that is trained in the last stage only must not find a rate that has decayed before.
+  const double decaying = trains_progressively(options_) ? last_stage(position()) : std::min(1.0, fraction());
+  const double decay = 0.01 + 0.99 * 0.5 * (1 + std::cos(std::numbers::pi * decaying));
   auto& groups = optimiser_.param_groups();
   for (std::size_t i = 0; i < groups.size(); ++i) {
-    const double rate = options_.learning_rate * warm_up * decay * (i == 1 ? kSharpnessRate : 1);
+    const double rate = learning_rate(options_) * warm_up * decay * (i == 1 ? options_.sharpness_rate : 1);
     static_cast<torch::optim::AdamOptions&>(groups[i].options()).lr(rate);
   }
+}
 
+bool Run::step() {
+  set_learning_rates();
   const Example example = data_->training_draw(state_.step);
-  const Errors error = errors(predict(*network_, example), example);
-  const bool blend = network_->config().architecture == Architecture::kBlend;
-  const Tensor loss = blend ? error.absolute + kSquaredWeight * error.squared : error.absolute;
-  optimiser_.zero_grad();
-  loss.backward();
+  const Loss loss = trains_progressively(options_) ? progressive_loss(*network_, example, position())
+                                                   : training_loss(*network_, example);
   std::vector<Tensor> parameters;
-  for (const auto& entry : network_->parameters()) parameters.push_back(entry.second);
+  for (const auto& entry : network_->parameters()) {
+    parameters.push_back(entry.second);
+    parameters.back()
+        .mutable_grad()
+        .reset();  // undefined and not 0, so that Adam leaves levels that are not active alone
+  }
+  loss.value.backward();
   const double gradient = torch::nn::utils::clip_grad_norm_(parameters, kLargestGradient);
-  if (!std::isfinite(loss.item<double>()) || !std::isfinite(gradient)) return false;
+  if (!std::isfinite(loss.value.item<double>()) || !std::isfinite(gradient)) return false;
   optimiser_.step();
 
   ++state_.step;
-  last_loss_ = error.absolute.item<double>();
+  last_loss_ = loss.l1.item<double>();
   state_.loss_sum += last_loss_;
   ++state_.loss_count;
   return true;
@@ -213,7 +180,7 @@ double Run::validation(const std::function<Tensor(const Example&)>& picture) con
   double sum = 0;
   for (int i = 0; i < data_->validation_count(); ++i) {
     const Example example = data_->validation_draw(i);
-    sum += errors(picture(example), example).absolute.item<double>();
+    sum += masked_l1(picture(example), example).item<double>();
   }
   return sum / data_->validation_count();
 }
@@ -228,12 +195,13 @@ void Run::validate() {
   point.train = state_.loss_sum / double(std::max<std::int64_t>(state_.loss_count, 1));
   point.validation = validation();
   point.seconds = elapsed();
+  point.level = position();
   state_.curve.push_back(point);
   state_.loss_sum = 0;
   state_.loss_count = 0;
   if (point.validation < state_.best_validation) {
     state_.best_validation = point.validation;
-    save_network(out_, *network_, provenance());
+    save_network(out_, *network_, provenance(state_.best_validation));
   }
   save();
 }
@@ -241,25 +209,34 @@ void Run::validate() {
 void Run::save() {
   state_.seconds = elapsed();
   save_state(state_path(out_), state_, settings_.dump(), *network_, optimiser_);
-  write_csv();
+  const double last = state_.curve.empty() ? state_.best_validation : state_.curve.back().validation;
+  save_network(last_checkpoint_path(out_), *network_, provenance(last));
+  write_curve();
 }
 
-void Run::write_csv() const {
-  std::string text = "step,seconds,train_l1,validation_l1\n0,0,," + core::number_text(state_.guide_validation) + "\n";
-  for (const LossPoint& p : state_.curve) {
-    text += std::to_string(p.step) + "," + core::number_text(p.seconds, 6) + "," + core::number_text(p.train) + "," +
-            core::number_text(p.validation) + "\n";
+bool Run::out_of_patience() const {
+  if (options_.early_stop == 0) return false;
+  double best = std::numeric_limits<double>::infinity();
+  int without_improvement = 0;
+  for (const LossPoint& point : state_.curve) {
+    if (point.level >= 1) continue;
+    without_improvement = point.validation < best ? 0 : without_improvement + 1;
+    best = std::min(best, point.validation);
   }
-  fs::path path = out_;
-  path += ".csv";
-  core::write_file_atomically(path, text);
+  return without_improvement >= options_.early_stop;
 }
 
-std::string Run::provenance() const {
+void Run::write_curve() const {
+  core::write_file_atomically(with_ending(out_, ".csv"), loss_curve_csv(state_.curve, state_.guide_validation));
+  core::write_image(with_ending(out_, ".png"), draw_loss_curve(state_.curve, state_.guide_validation),
+                    {.pixel_type = core::PixelType::kUint8, .encoding = core::Encoding::kLinear});
+}
+
+std::string Run::provenance(double validation) const {
   Json json = settings_;
   json["program"] = core::kVersion;
   json["steps"] = state_.step;
-  json["validation_l1"] = state_.best_validation;
+  json["validation_l1"] = validation;
   json["rbf_validation_l1"] = state_.guide_validation;
   return json.dump();
 }
@@ -268,38 +245,52 @@ void Run::show(core::Progress& progress, std::size_t& shown, std::size_t total) 
   const auto now = static_cast<std::size_t>(std::min(1.0, fraction()) * double(total));
   if (now > shown) progress.advance(now - shown);
   shown = std::max(shown, now);
-  progress.set_status("step " + std::to_string(state_.step) + ", loss " + core::number_text(last_loss_, 3) +
+  const std::string level = trains_progressively(options_) ? ", level " + core::number_text(position(), 2) : "";
+  progress.set_status("step " + std::to_string(state_.step) + level + ", loss " + core::number_text(last_loss_, 3) +
                       ", validation " + core::number_text(state_.best_validation, 4) + " (rbf " +
                       core::number_text(state_.guide_validation, 4) + ")");
+}
+
+void Run::take_steps(TrainReport& report) {
+  // In seconds or steps, whichever bounds the run.
+  const auto total =
+      static_cast<std::size_t>(std::ceil(options_.minutes ? 60 * *options_.minutes : double(*options_.steps)));
+  core::Progress progress("training", total);
+  std::size_t shown = 0;
+  while (state_.step == 0 || fraction() < 1) {  // a slow start must not leave an untrained model
+    core::throw_if_interrupted();
+    if (!step()) {
+      report.stopped_by_nan = true;
+      return;
+    }
+    if (state_.step % options_.validate_every == 0) {
+      validate();
+      report.stopped_early = out_of_patience();
+      if (report.stopped_early) return;
+    }
+    show(progress, shown, total);
+  }
 }
 
 TrainReport Run::train() {
   start();
   TrainReport report;
-  {
-    // In seconds or steps, whichever bounds the run.
-    const double total = options_.minutes ? 60 * *options_.minutes : double(*options_.steps);
-    core::Progress progress("training", static_cast<std::size_t>(std::ceil(total)));
-    std::size_t shown = 0;
-    while (state_.step == 0 || fraction() < 1) {  // a slow start must not leave an untrained model
-      if (core::interrupt_requested()) {
-        save();
-        core::note("training stops at step " + std::to_string(state_.step) + "; resume it from " + out_.string());
-        core::throw_if_interrupted();
-      }
-      if (!step()) {
-        report.stopped_by_nan = true;
-        break;
-      }
-      if (state_.step % options_.validate_every == 0) validate();
-      show(progress, shown, static_cast<std::size_t>(std::ceil(total)));
-    }
+  try {
+    take_steps(report);
+  } catch (const core::Interrupted&) {  // thrown between steps, or while one prepares its pictures
+    save();
+    core::note("training stops at step " + std::to_string(state_.step) + "; resume it from " + out_.string());
+    throw;
   }
   if (report.stopped_by_nan) {
     core::warn("training: the loss is not finite after step " + std::to_string(state_.step) +
                "; the checkpoint is the best one before it. Train again with a lower learning rate");
   } else if (state_.loss_count > 0) {
     validate();
+  }
+  if (report.stopped_early) {
+    core::note("training stops early at step " + std::to_string(state_.step) + ": " +
+               std::to_string(options_.early_stop) + " validations without a new best one");
   }
   report.steps = state_.step;
   report.seconds = elapsed();
@@ -321,7 +312,15 @@ TrainReport train(std::span<const core::OlatScan> scans, const TrainOptions& opt
       .train();
 }
 
-TrainReport train(const SimulatedViews& views, const TrainOptions& options, const fs::path& out) {
+fs::path last_checkpoint_path(const fs::path& out) {
+  constexpr const char* kExtension = ".safetensors";
+  fs::path path = out.extension() == kExtension ? fs::path(out).replace_extension() : out;
+  return with_ending(std::move(path), ".last.safetensors");
+}
+
+TrainReport train(const SimulatedViews& views, const TrainOptions& given, const fs::path& out) {
+  TrainOptions options = given;
+  options.active_set = ActiveSetChoice::kNaive;  // for the record
   check(options);
   const core::InterruptGuard guard;
   prepare_torch();

@@ -15,15 +15,32 @@
 
 namespace lightstage::model {
 
+// Which k of the m lights nearest to a captured light make its picture in training.
+enum class ActiveSetChoice {
+  kRandom,  // any k of them, so that a network meets lights at many distances (Sun et al. 2020, section 4.4)
+  kNaive,   // the k nearest, as in use; the publication's ablation
+};
+
 struct TrainOptions {
   NetworkConfig config;
   std::uint64_t seed = 1;
   int crop = 96;        // pixels; smaller images are taken whole
-  int candidates = 16;  // m: the active set is `config.neighbours` of the m lights nearest to the query, at random
-  double learning_rate = 4e-3;        // decays to 1/100 along a cosine over the time or step budget
+  int candidates = 16;  // m: the active set is `config.neighbours` of the m lights nearest to the query
+  ActiveSetChoice active_set = ActiveSetChoice::kRandom;  // on captured scans; simulated views take the nearest
+  // From coarse pictures to fine ones (model/net/progressive.h). By default on for superres that starts untrained, else off; blend has no
+  // coarse pictures.
+  std::optional<bool> progressive;
+  // Of Adam; by default 1e-3 for superres, as published, and 4e-3 for blend. Decays to 1/100 along a cosine over the budget, in progressive training
+  // over the last stage.
+  std::optional<double> learning_rate;
+  double sharpness_rate =
+      0.1;  // learning rate of ln s relative to all others (at 1 it unsettles training); 0 freezes s
   std::optional<double> minutes;      // stop after so long (wall clock, everything included), or
   std::optional<std::int64_t> steps;  // after so many steps; at least one of the two
   int validate_every = 200;           // steps
+  // Ends the run after so many validations in a row without a new best one (0: never); in progressive training those count that come when full-size
+  // pictures are trained.
+  int early_stop = 0;
   int held_out_every =
       0;  // the scans given lack every n-th light of the stage, kept for evaluation; recorded in the checkpoint (0: none)
   std::optional<std::filesystem::path> resume;  // a checkpoint written by an earlier run with the same settings
@@ -34,8 +51,10 @@ struct TrainOptions {
 struct LossPoint {
   std::int64_t step = 0;
   double seconds = 0;
-  double train = 0;       // masked L1, mean since the last point
-  double validation = 0;  // masked L1 on held-out lights, from their nearest neighbours, the same draws every time
+  double train = 0;  // masked L1, mean since the last point; of coarse pictures where `level` says so
+  double validation =
+      0;  // masked L1 on held-out lights, from their nearest neighbours, the same draws every time; of full-size pictures
+  double level = 0;  // pictures of 1 / 2^level of the size were trained: 0 is full size, 2.3 is 3 fading into 2
 };
 
 struct TrainReport {
@@ -45,6 +64,7 @@ struct TrainReport {
   std::vector<LossPoint> curve;
   double best_validation = 0;   // of the checkpoint written
   double guide_validation = 0;  // the same error of thin-plate interpolation, the method `rbf`
+  bool stopped_early = false;   // by TrainOptions::early_stop
   bool stopped_by_nan = false;  // the loss or its gradient was not finite; the checkpoint is the last good one
 };
 
@@ -68,11 +88,14 @@ struct SimulatedViews {
 // will ask. About one light in sixteen is never a truth, for validation. Random crops inside the mask's bounding box; the loss is masked
 // L1, for blend plus 4 times the masked squared error (pictures are judged by its root), of display-encoded values up to 2; Adam
 // (0.9, 0.999, 1e-7). Writes the best checkpoint by validation to `out` (atomically; first the untrained one, then at every
-// validation that improves) together with the optimiser's state in OUT.state for resuming, and the curve as OUT.csv. A resumed run
-// counts the steps and the time of the runs before it into its budget. Bit-equal for a seed and step budget on one thread, resumed or
+// validation that improves); at every validation the current one to last_checkpoint_path(out), the optimiser's state to OUT.state for
+// resuming, and the curve to OUT.csv and OUT.png. A resumed run counts the steps and the time of the runs before it into its budget. Bit-equal for a seed and step budget on one thread, resumed or
 // not. Memory: 12 bytes a light and pixel of the mask's bounding box. Throws UsageError for options out of range and for scans with
 // fewer lights than neighbours + 1, BadInput for a state that cannot be resumed, Interrupted on Ctrl-C after writing the state.
 TrainReport train(std::span<const core::OlatScan> scans, const TrainOptions& options, const std::filesystem::path& out);
+
+// "x.last.safetensors" for "x.safetensors": the weights with which a run ended or goes on, where `out` has the best.
+std::filesystem::path last_checkpoint_path(const std::filesystem::path& out);
 
 // The same on simulated views; active sets are the nearest lights, and half the draws are mirrored. Memory: 6 bytes a pixel, light and query, and
 // another 6 a query, for each view made so far.

@@ -2,6 +2,7 @@
 
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/progress.h"
 #include "core/sphere.h"
 #include "model/classical/thin_plate.h"
 #include "model/net/draws.h"
@@ -45,7 +46,7 @@ class CapturedScan {
 
  private:
   void choose_neighbours(int candidates);
-  void interpolate_guides();
+  void interpolate_guides(core::Progress& progress);
 
   std::vector<core::Direction> directions_;
   double spacing_;
@@ -71,8 +72,9 @@ CapturedScan::CapturedScan(const core::OlatScan& scan, int neighbours, int candi
     const bool held_out = light % kLightsPerHeldOut == std::min(kLightsPerHeldOut, lights) / 2;
     (held_out ? validation_lights_ : training_lights_).push_back(light);
   }
-  tensors_ = std::make_unique<const ScanTensors>(scan, multiple);
-  interpolate_guides();
+  core::Progress progress("preparing '" + scan.name() + "'", 2 * lights);
+  tensors_ = std::make_unique<const ScanTensors>(scan, multiple, [&] { progress.advance(); });
+  interpolate_guides(progress);
 }
 
 void CapturedScan::choose_neighbours(int candidates) {
@@ -85,7 +87,7 @@ void CapturedScan::choose_neighbours(int candidates) {
   }
 }
 
-void CapturedScan::interpolate_guides() {
+void CapturedScan::interpolate_guides(core::Progress& progress) {
   const auto lights = std::int64_t(directions_.size());
   Tensor weights = torch::zeros({lights, lights});
   for (std::int64_t light = 0; light < lights; ++light) {
@@ -97,6 +99,7 @@ void CapturedScan::interpolate_guides() {
     const std::vector<double> w = ThinPlateWeights(directions)(directions_[std::size_t(light)]);
     float* const row = weights.data_ptr<float>() + light * lights;
     for (std::size_t i = 0; i < used.size(); ++i) row[used[i]] = float(w[i]);
+    progress.advance();
   }
   guides_ = weighted_pictures(weights, tensors_->displays());
 }
@@ -118,6 +121,7 @@ class CapturedData : public TrainingData {
   CapturedData(std::span<const core::OlatScan> scans, const TrainOptions& options, int multiple)
       : seed_(options.seed),
         neighbours_(std::size_t(options.config.neighbours)),
+        active_set_(options.active_set),
         crop_(std::max(options.crop / multiple, 1) * multiple) {
     for (const core::OlatScan& scan : scans) {
       scans_.emplace_back(scan, options.config.neighbours, options.candidates, multiple);
@@ -128,7 +132,9 @@ class CapturedData : public TrainingData {
     std::mt19937_64 random = draw_generator(seed_, Stream::kTraining, number);
     const CapturedScan& scan = scans_[random() % scans_.size()];
     const std::size_t light = scan.training_lights()[random() % scan.training_lights().size()];
-    const std::vector<std::size_t> active = random_subset(scan.candidates(light), neighbours_, random);
+    const std::vector<std::size_t> active = active_set_ == ActiveSetChoice::kRandom
+                                                ? random_subset(scan.candidates(light), neighbours_, random)
+                                                : nearest(scan, light);
     return scan.example(light, active, scan.window_around(random(), crop_));
   }
 
@@ -139,15 +145,20 @@ class CapturedData : public TrainingData {
     const std::size_t turn = std::size_t(number) / scans_.size();
     const CapturedScan& scan = scans_[std::size_t(number) % scans_.size()];
     const std::size_t light = scan.validation_lights()[turn % scan.validation_lights().size()];
-    std::vector<std::size_t> active = scan.candidates(light);
-    active.resize(std::min(active.size(), neighbours_));
-    return scan.example(light, active, scan.window_around(random(), crop_));
+    return scan.example(light, nearest(scan, light), scan.window_around(random(), crop_));
   }
 
  private:
+  std::vector<std::size_t> nearest(const CapturedScan& scan, std::size_t light) const {
+    std::vector<std::size_t> active = scan.candidates(light);
+    active.resize(std::min(active.size(), neighbours_));
+    return active;
+  }
+
   std::vector<CapturedScan> scans_;
   std::uint64_t seed_;
   std::size_t neighbours_;
+  ActiveSetChoice active_set_;
   int crop_;
 };
 

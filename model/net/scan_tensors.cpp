@@ -9,7 +9,7 @@ namespace lightstage::model {
 
 using torch::Tensor;
 
-ScanTensors::ScanTensors(const core::OlatScan& scan, int multiple) {
+ScanTensors::ScanTensors(const core::OlatScan& scan, int multiple, const std::function<void()>& picture_read) {
   const Window inner = bounding_window(scan.mask());
   window_ = rounded_up(inner, multiple);
   mask_ = torch::zeros({1, window_.height, window_.width});
@@ -22,7 +22,10 @@ ScanTensors::ScanTensors(const core::OlatScan& scan, int multiple) {
     }
   }
   const double exposure = scan.exposure();
-  displays_ = stack(scan.light_count(), [&](std::size_t light) { return to_display(*scan.image(light), exposure); });
+  displays_ = stack(scan.light_count(), [&](std::size_t light) {
+    picture_read();
+    return to_display(*scan.image(light), exposure);
+  });
 }
 
 Tensor ScanTensors::stack(std::size_t count, const std::function<Tensor(std::size_t)>& display) const {

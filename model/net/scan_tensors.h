@@ -16,8 +16,9 @@ namespace lightstage::model {
 
 class ScanTensors {
  public:
-  // Heights and widths are rounded up to `multiple`. 6 bytes a light and pixel.
-  ScanTensors(const core::OlatScan& scan, int multiple);
+  // Heights and widths are rounded up to `multiple`. 6 bytes a light and pixel. `picture_read` is called once a light.
+  ScanTensors(
+      const core::OlatScan& scan, int multiple, const std::function<void()>& picture_read = [] {});
 
   // Other pictures of the same camera in the same units, [n, 3, h, w]; they are cut and limited likewise.
   torch::Tensor stack(std::size_t count, const std::function<torch::Tensor(std::size_t)>& display) const;

@@ -2,6 +2,7 @@
 #include <map>
 
 #include "core/error.h"
+#include "core/progress.h"
 #include "core/sphere.h"
 #include "model/classical/thin_plate.h"
 #include "model/net/draws.h"
@@ -91,6 +92,11 @@ class SimulatedData : public TrainingData {
     if (views.count <= kValidationViews) {
       throw core::UsageError("training on simulated views needs more than " + std::to_string(kValidationViews) +
                              " of them");
+    }
+    core::Progress progress("simulating the views for validation", kValidationViews);
+    for (std::size_t i = 0; i < kValidationViews; ++i) {
+      view(i);
+      progress.advance();
     }
   }
 

@@ -22,15 +22,20 @@ class SuperresNetwork : public Network {
 
   int size_multiple() const override { return 1 << config().channels.size(); }
 
-  // Encodes n images, each with the direction of its own light ([n, 3]): nothing of a query enters.
-  Pyramid encode(const torch::Tensor& images, const torch::Tensor& directions) const;
+  // Encodes n images, each with the direction of its own light ([n, 3]): nothing of a query enters. Images averaged down to 1 / 2^first_level of the size
+  // enter there: inject.l stands for what the encoder makes of a full-size image above it. The pyramid then begins with level `first_level`.
+  Pyramid encode(const torch::Tensor& images, const torch::Tensor& directions, int first_level = 0) const;
   // One set of features a level, [1, channels_l, ...].
   Pyramid pool(const Pyramid& features, const ActiveSet& set) const;
-  // The picture, [1, 3, h, w], in (0, 1).
-  torch::Tensor decode(const Pyramid& pooled, const torch::Tensor& query) const;
+  // The picture, [1, 3, h, w], in (0, 1), from all levels or from those that begin with `last_level`: then at 1 / 2^last_level of the size.
+  torch::Tensor decode(const Pyramid& pooled, const torch::Tensor& query, int last_level = 0) const;
 
   // encode, pool, decode; the guide is not looked at.
   torch::Tensor predict(const torch::Tensor& images, const torch::Tensor& guide, const ActiveSet& set) const override;
+  // The picture at 1 / 2^level of the size from images averaged down to it, for progressive training.
+  torch::Tensor predict_at(const torch::Tensor& images, const ActiveSet& set, int level) const;
+
+  int levels() const { return int(config().channels.size()); }
 
  private:
   torch::Tensor query_features(const torch::Tensor& query) const;

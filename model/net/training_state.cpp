@@ -13,7 +13,7 @@ using Json = nlohmann::json;
 using AdamState = torch::optim::AdamParamState;
 using torch::Tensor;
 
-constexpr const char* kFormat = "lightstage-training-1";
+constexpr const char* kFormat = "lightstage-training-2";
 
 // torch keeps an optimiser's state by this key.
 std::string key_of(const Tensor& parameter) {
@@ -22,7 +22,7 @@ std::string key_of(const Tensor& parameter) {
 
 Json to_json(const TrainingState& state) {
   Json curve = Json::array();
-  for (const LossPoint& p : state.curve) curve.push_back({p.step, p.seconds, p.train, p.validation});
+  for (const LossPoint& p : state.curve) curve.push_back({p.step, p.seconds, p.train, p.validation, p.level});
   return {{"step", state.step},
           {"seconds", state.seconds},
           {"loss_sum", state.loss_sum},
@@ -32,8 +32,7 @@ Json to_json(const TrainingState& state) {
           {"curve", curve}};
 }
 
-TrainingState from_json(const std::string& text) {
-  const Json json = Json::parse(text);
+TrainingState from_json(const Json& json) {
   TrainingState state;
   json.at("step").get_to(state.step);
   json.at("seconds").get_to(state.seconds);
@@ -41,7 +40,7 @@ TrainingState from_json(const std::string& text) {
   json.at("loss_count").get_to(state.loss_count);
   json.at("guide_validation").get_to(state.guide_validation);
   json.at("best_validation").get_to(state.best_validation);
-  for (const Json& p : json.at("curve")) state.curve.push_back({p.at(0), p.at(1), p.at(2), p.at(3)});
+  for (const Json& p : json.at("curve")) state.curve.push_back({p.at(0), p.at(1), p.at(2), p.at(3), p.at(4)});
   return state;
 }
 
@@ -56,15 +55,19 @@ fs::path state_path(const fs::path& checkpoint) {
 void save_state(const fs::path& path, const TrainingState& state, const std::string& fingerprint,
                 const Network& network, const torch::optim::Adam& optimiser) {
   NamedTensors tensors;
+  Json adam_steps = Json::object();
   for (const auto& [name, parameter] : network.parameters()) {
     tensors.emplace_back("weight/" + name, parameter);
     const auto found = optimiser.state().find(key_of(parameter));
-    if (found == optimiser.state().end()) continue;  // before the first step
+    if (found == optimiser.state().end()) continue;  // it had no gradient yet
     const auto& moments = static_cast<const AdamState&>(*found->second);
     tensors.emplace_back("mean/" + name, moments.exp_avg());
     tensors.emplace_back("square/" + name, moments.exp_avg_sq());
+    adam_steps[name] = moments.step();
   }
-  write_tensors(path, {{"format", kFormat}, {"fingerprint", fingerprint}, {"state", to_json(state).dump()}}, tensors);
+  Json json = to_json(state);
+  json["adam_steps"] = adam_steps;
+  write_tensors(path, {{"format", kFormat}, {"fingerprint", fingerprint}, {"state", json.dump()}}, tensors);
 }
 
 TrainingState load_state(const fs::path& path, const std::string& fingerprint, Network& network,
@@ -82,8 +85,11 @@ TrainingState load_state(const fs::path& path, const std::string& fingerprint, N
                          text("fingerprint") + ", this run has " + fingerprint);
   }
   TrainingState state;
+  std::map<std::string, std::int64_t> adam_steps;
   try {
-    state = from_json(text("state"));
+    const Json json = Json::parse(text("state"));
+    state = from_json(json);
+    json.at("adam_steps").get_to(adam_steps);
   } catch (const Json::exception&) {
     throw core::BadInput(path.string() + ": its state is damaged");
   }
@@ -91,9 +97,10 @@ TrainingState load_state(const fs::path& path, const std::string& fingerprint, N
   NamedTensors tensors;
   for (const auto& [name, parameter] : network.parameters()) {
     tensors.emplace_back("weight/" + name, parameter);
-    if (state.step == 0) continue;
+    const auto steps = adam_steps.find(name);
+    if (steps == adam_steps.end()) continue;
     auto moments = std::make_unique<AdamState>();
-    moments->step(state.step);
+    moments->step(steps->second);
     moments->exp_avg(torch::zeros_like(parameter));
     moments->exp_avg_sq(torch::zeros_like(parameter));
     tensors.emplace_back("mean/" + name, moments->exp_avg());
