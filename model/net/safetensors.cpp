@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <system_error>
 
 #include "core/error.h"
@@ -62,10 +63,18 @@ std::optional<std::uint64_t> byte_count(const std::vector<std::int64_t>& shape, 
   return bytes;
 }
 
+// Others would be rounded or wrap around without a word.
+bool whole_numbers(const Json& list) {
+  return std::all_of(list.begin(), list.end(), [](const Json& number) { return number.is_number_unsigned(); });
+}
+
 StoredTensor parse_tensor(const fs::path& path, const std::string& name, const Json& entry, std::uint64_t data_bytes) {
   const auto fail = [&](const std::string& problem) { return bad_file(path, "tensor '" + name + "' " + problem); };
   try {
     if (entry.at("dtype").get<std::string>() != "F32") throw fail("is not of type F32");
+    if (!whole_numbers(entry.at("shape")) || !whole_numbers(entry.at("data_offsets"))) {
+      throw fail("has a shape or offsets that are not whole numbers");
+    }
     StoredTensor tensor{{name, entry.at("shape").get<std::vector<std::int64_t>>()}};
     const auto offsets = entry.at("data_offsets").get<std::vector<std::uint64_t>>();
     if (offsets.size() != 2 || offsets[0] > offsets[1] || offsets[1] > data_bytes) {
@@ -80,6 +89,20 @@ StoredTensor parse_tensor(const fs::path& path, const std::string& name, const J
   } catch (const Json::exception&) {
     throw fail("is not described by dtype, shape and data_offsets");
   }
+}
+
+// The parser keeps the last of several entries of one name, and the file would mean something else to another reader.
+Json parse_header(const fs::path& path, const std::string& text) {
+  std::set<std::string> names;
+  const auto refuse_duplicates = [&](int depth, Json::parse_event_t event, Json& parsed) {
+    if (event == Json::parse_event_t::key && depth == 1 && !names.insert(parsed.get<std::string>()).second) {
+      throw bad_file(path, "tensor '" + parsed.get<std::string>() + "' stands in the header twice");
+    }
+    return true;
+  };
+  Json json = Json::parse(text, refuse_duplicates, /*allow_exceptions=*/false);
+  if (!json.is_object()) throw bad_file(path, "is not a safetensors file: its header is not a JSON object");
+  return json;
 }
 
 }  // namespace
@@ -98,8 +121,7 @@ SafetensorsHeader read_safetensors_header(const fs::path& path) {
   const std::uint64_t data_begin = kLengthBytes + text.size();
   const std::uint64_t data_bytes = file_bytes - data_begin;
 
-  const Json json = Json::parse(text, nullptr, /*allow_exceptions=*/false);
-  if (!json.is_object()) throw bad_file(path, "is not a safetensors file: its header is not a JSON object");
+  const Json json = parse_header(path, text);
 
   SafetensorsHeader header;
   for (const auto& [name, entry] : json.items()) {
