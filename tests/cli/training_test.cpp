@@ -1,0 +1,142 @@
+// Training as a user asks for it: ablations, files left behind, and what a model file tells about itself.
+#include <catch2/catch.hpp>
+#include <fstream>
+
+#include "cli/program.h"
+#include "core/image_file.h"
+#include "core/sphere.h"
+#include "support/support.h"
+
+using namespace lightstage;
+using nlohmann::json;
+namespace fs = std::filesystem;
+
+namespace {
+
+// A store with one scan, `ball`: 24 small pictures.
+class Darkroom {
+ public:
+  Darkroom() {
+    const auto lights = core::fibonacci_directions(24);
+    std::ofstream list(folder_ / "dirs.lp");
+    list << lights.size() << "\n";
+    for (std::size_t i = 0; i < lights.size(); ++i) {
+      core::Image picture(20, 18, 3);
+      for (int y = 0; y < 20; ++y) {
+        for (int x = 0; x < 18; ++x) {
+          const double slope_x = (x - 9) / 10.0, slope_y = (10 - y) / 11.0;
+          const double cosine = slope_x * lights[i].x() + slope_y * lights[i].y() + 0.6 * lights[i].z();
+          for (int c = 0; c < 3; ++c) picture(y, x, c) = float(std::max(0.02, cosine * (1 - 0.2 * c)));
+        }
+      }
+      const std::string name = "p" + std::to_string(i) + ".exr";
+      core::write_image(folder_ / name, picture);
+      list << name << " " << lights[i].x() << " " << lights[i].y() << " " << lights[i].z() << "\n";
+    }
+    list.close();
+    REQUIRE(run({"init"}).status == 0);
+    REQUIRE(run({"import", "lp", *this / "dirs.lp", "--name", "ball", "--quiet"}).status == 0);
+  }
+
+  test::Outcome run(std::vector<std::string> arguments) const {
+    return test::run_program(folder_ / "store", std::move(arguments));
+  }
+
+  test::Outcome train(const std::string& out, std::vector<std::string> more) const {
+    std::vector<std::string> arguments{"train", "ball", "--out", *this / out, "--threads", "1", "--json"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run(arguments);
+  }
+
+  std::string operator/(const std::string& name) const { return (folder_ / name).string(); }
+
+ private:
+  test::TemporaryFolder folder_;
+};
+
+json show(const Darkroom& darkroom, const std::string& file) {
+  const test::Outcome outcome = darkroom.run({"model", "show", file, "--json"});
+  INFO(outcome.err);
+  REQUIRE(outcome.status == 0);
+  return outcome.json();
+}
+
+}  // namespace
+
+TEST_CASE("a model tells its configuration, its tensors and where it comes from") {
+  const Darkroom darkroom;
+  const test::Outcome trained = darkroom.train("net.safetensors", {"--steps", "3", "--seed", "5"});
+  INFO(trained.err);
+  REQUIRE(trained.status == 0);
+  CHECK(trained.json().at("last") == darkroom / "net.last.safetensors");
+  for (const char* left : {"net.safetensors.csv", "net.safetensors.png", "net.safetensors.state"}) {
+    CHECK(fs::file_size(darkroom / left) > 0);
+  }
+
+  for (const char* file : {"net.safetensors", "net.last.safetensors"}) {
+    const json model = show(darkroom, darkroom / file);
+    CHECK(model.at("configuration").at("architecture") == "superres");
+    CHECK(model.at("configuration").at("channels").size() == 4);
+    CHECK(model.at("provenance").at("seed") == 5);
+    CHECK(model.at("provenance").at("progressive") == true);
+    CHECK(model.at("provenance").at("active_set") == "random");
+    CHECK(model.at("provenance").at("data").at(0).at("name") == "ball");
+    std::int64_t parameters = 0;
+    for (const json& tensor : model.at("tensors")) {
+      std::int64_t count = 1;
+      for (const json& dimension : tensor.at("shape")) count *= dimension.get<std::int64_t>();
+      parameters += count;
+    }
+    CHECK(model.at("parameters") == parameters);
+    CHECK(model.at("tensors").at(0).at("name") == "encoder.0.conv.weight");
+    CHECK(model.at("tensors").at(0).at("shape") == json({16, 6, 3, 3}));
+  }
+
+  const std::string text = darkroom.run({"model", "show", darkroom / "net.safetensors"}).out;
+  for (const char* said : {"encoder.0.conv.weight", "16 x 6 x 3 x 3", "log_sharpness", "scalar", "seed: 5"}) {
+    CHECK(text.find(said) != std::string::npos);
+  }
+}
+
+TEST_CASE("ablations are options, and what was asked for is on record") {
+  const Darkroom darkroom;
+  const test::Outcome trained =
+      darkroom.train("net.safetensors", {"--steps", "2", "--active-set", "naive", "--pooling", "average",
+                                         "--progressive", "off", "--freeze-sharpness", "--early-stop", "3"});
+  INFO(trained.err);
+  REQUIRE(trained.status == 0);
+  CHECK(trained.json().at("stopped_early") == false);
+  const json model = show(darkroom, darkroom / "net.safetensors");
+  CHECK(model.at("configuration").at("pooling") == "average");
+  CHECK(model.at("provenance").at("active_set") == "naive");
+  CHECK(model.at("provenance").at("progressive") == false);
+  CHECK(model.at("provenance").at("sharpness_rate") == 0);
+
+  const auto refused = [&](std::vector<std::string> options, const std::string& said) {
+    const test::Outcome outcome = darkroom.train("other.safetensors", std::move(options));
+    INFO(outcome.err);
+    CHECK(outcome.status == 2);
+    CHECK(outcome.err.find(said) != std::string::npos);
+    CHECK_FALSE(fs::exists(darkroom / "other.safetensors"));
+  };
+  refused({"--active-set", "best"}, "best");
+  refused({"--pooling", "max"}, "max");
+  refused({"--progressive", "maybe"}, "maybe");
+  refused({"--preset", "blend", "--pooling", "average"}, "alias_free");
+  refused({"--preset", "blend", "--progressive", "on"}, "blend");
+  refused({"--freeze-sharpness", "--sharpness-rate", "1"}, "--sharpness-rate");
+  refused({"--sharpness-rate", "nan"}, "nan");
+  refused({"--early-stop", "0"}, "--early-stop");
+}
+
+TEST_CASE("what is no model is not shown") {
+  const Darkroom darkroom;
+  std::ofstream(darkroom / "text.safetensors") << "not a model";
+  for (const char* file : {"text.safetensors", "none.safetensors", "store"}) {
+    const test::Outcome outcome = darkroom.run({"model", "show", darkroom / file});
+    CHECK(outcome.status == 3);
+    CHECK(outcome.out.empty());
+    CHECK(outcome.err.find(file) != std::string::npos);
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+  }
+}
