@@ -86,10 +86,13 @@ class Plot {
       cv::line(canvas_, {kLeft, y(error)}, {kWidth - kRight, y(error)}, kGrid, 1);
       text(core::number_text(error, 3), {12, y(error) + 5});
     };
-    for (int power = int(std::floor(bottom_)); power <= int(std::ceil(top_)); ++power) {
-      // Every digit where the range is narrow.
-      for (int digit = 1; digit < 10; digit += (top_ - bottom_ < 1 ? 1 : digit == 1 ? 1 : digit == 2 ? 3 : 5)) {
-        line_at(digit * std::pow(10, power));
+    const double lowest = std::pow(10, bottom_), highest = std::pow(10, top_);
+    if (top_ - bottom_ < 1) {  // powers of ten might all lie outside
+      const double step = tick_step(highest - lowest, 7);
+      for (double at = std::ceil(lowest / step) * step; at <= highest; at += step) line_at(at);
+    } else {
+      for (double power = std::pow(10, std::floor(bottom_)); power <= highest; power *= 10) {
+        for (const double digit : {1, 2, 5}) line_at(digit * power);
       }
     }
     text("error (L1)", {12, kTop - 18});

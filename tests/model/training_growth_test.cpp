@@ -12,6 +12,7 @@
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "core/sphere.h"
+#include "model/net/loss_curve.h"
 #include "model/net/progressive.h"
 #include "model/net/safetensors.h"
 #include "model/synthetic_scan.h"
@@ -315,6 +316,23 @@ TEST_CASE("a run leaves the best and the last weights, and its curve as numbers 
   const std::string csv = core::read_text_file(folder / "net.safetensors.csv");
   CHECK(csv.starts_with("step,seconds,train_l1,validation_l1,level\n"));
   CHECK(std::count(csv.begin(), csv.end(), '\n') == 2 + std::ptrdiff_t(report.curve.size()));
+}
+
+TEST_CASE("the picture of a curve is drawn whatever the numbers") {
+  const double nan = std::nan("");
+  const auto point = [](std::int64_t step, double train, double validation) {
+    return model::LossPoint{step, 1, train, validation, 0};
+  };
+  const auto dark_pixels = [](const std::vector<model::LossPoint>& curve, double guide) {
+    const core::Image picture = model::draw_loss_curve(curve, guide);
+    return std::count_if(picture.values().begin(), picture.values().end(), [](float v) { return v < 0.5f; });
+  };
+  const auto axes = dark_pixels({}, nan);
+  CHECK(axes > 1000);
+  CHECK(dark_pixels({point(1, nan, 0), point(2, -1, nan)}, 0) > 1000);
+  CHECK(dark_pixels({point(1, 0.03, 0.03)}, 0.03) > axes);
+  CHECK(dark_pixels({point(1, 1e-30, 1e30), point(1'000'000'000, 1e-30, 1e30)}, 1) > axes);
+  CHECK(dark_pixels({point(10, 0.1, 0.01), point(1000, 0.1, 0.01)}, nan) > axes + 1000);  // two long lines
 }
 
 TEST_CASE("a run on simulated views whose loss is not finite keeps the last good weights") {
