@@ -6,7 +6,9 @@
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/jobs/superres.h"
+#include "cli/jobs/train.h"
 #include "cli/options.h"
+#include "core/error.h"
 #include "core/version.h"
 #include "db/content_hash.h"
 
@@ -17,13 +19,30 @@ namespace {
 struct Options {
   std::string name, out;
   std::size_t lights = 1024;
+  std::optional<double> adapt_minutes;
   MethodChoice method;
 };
+
+// Trains the chosen network further on this very scan; the result stays in the store, where the next command finds it.
+std::filesystem::path adapt(db::Store& store, const std::string& scan, const MethodChoice& choice, double minutes) {
+  if (choice.options.model_file.empty()) throw core::UsageError("--adapt: method " + choice.method + " is no network");
+  const std::filesystem::path folder = store.folder() / "models";
+  std::filesystem::create_directories(folder);
+  model::TrainOptions options;
+  options.config = model::read_checkpoint_info(choice.options.model_file).config;
+  options.start_from = choice.options.model_file;
+  options.minutes = minutes;
+  options.crop = 128;
+  const std::filesystem::path out = folder / (scan + "-" + choice.method + ".safetensors");
+  train_on_scans(store, {scan}, options, out);
+  return out;
+}
 
 void run_superres(const Options& options, Context& context) {
   db::Store store = context.open_store();
   const db::Scan scan = store.scan(options.name);
-  const MethodChoice choice = resolve(options.method, store, scan.id);
+  MethodChoice choice = resolve(options.method, store, scan.id);
+  if (options.adapt_minutes) choice.options.model_file = adapt(store, options.name, choice, *options.adapt_minutes);
   const db::LoadedScan source = load_scan(store, options.name);
   const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
 
@@ -56,13 +75,18 @@ void run_superres(const Options& options, Context& context) {
 void add_superres(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("superres", "Make a scan with more lights than the stage has");
   command->footer(
-      "Example:\n  lightstage superres head --lights 1024 --method superres --model head.safetensors --out head-dense");
+      "Example:\n  lightstage superres head --lights 1024 --out head-dense\n  lightstage superres head --lights 1024 "
+      "--adapt 5 --out head-adapted");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The captured or imported scan")->required();
   command->add_option("--out", options->out, "Name of the new scan")->required();
   command->add_option("--lights", options->lights, "Lights of the new scan")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
+  command
+      ->add_option("--adapt", options->adapt_minutes,
+                   "First train the network for so many minutes on this scan, from where it stands")
+      ->check(number_between(0.01, 1e5));
   add_method_options(*command, options->method);
   command->callback([options, &context] { run_superres(*options, context); });
 }

@@ -8,10 +8,9 @@
 #include "cli/format.h"
 #include "cli/jobs/scans.h"
 #include "cli/jobs/simulated_views.h"
+#include "cli/jobs/train.h"
 #include "cli/options.h"
 #include "core/error.h"
-#include "core/progress.h"
-#include "db/content_hash.h"
 #include "model/training.h"
 
 namespace lightstage::cli {
@@ -30,16 +29,6 @@ struct Options {
   std::filesystem::path meshes;
   model::TrainOptions train;
 };
-
-// All lights but every n-th, which a later `evaluate --held-out --every n` asks for.
-core::OlatScan without_held_out(const core::OlatScan& scan, int every) {
-  if (every == 0) return scan;
-  std::vector<std::size_t> kept;
-  for (std::size_t i = 0; i < scan.light_count(); ++i) {
-    if (i % std::size_t(every) != 0) kept.push_back(i);
-  }
-  return scan.with_lights(kept);
-}
 
 void show(const model::TrainReport& report, const Options& options, Context& context) {
   std::string text = "trained " + std::to_string(report.parameters) + " parameters for " +
@@ -96,28 +85,8 @@ void run_train(Options options, Context& context) {
   }
   if (options.scans.empty()) throw core::UsageError("give the scans to learn from, or --simulated");
   db::Store store = context.open_store();
-  std::vector<core::OlatScan> scans;
-  db::NewProduct product;
-  product.kind = "weights";
-  for (const std::string& name : options.scans) {
-    const db::LoadedScan loaded = load_scan(store, name);
-    scans.push_back(without_held_out(loaded.scan, options.hold_out_every));
-    product.input_scans.push_back(store.scan(name).id);
-    for (const auto& input : {loaded.calibration_id, loaded.alignment_id}) {
-      if (input) product.input_products.push_back(*input);
-    }
-  }
   options.train.held_out_every = options.hold_out_every;
-  const model::TrainReport report = model::train(scans, options.train, options.out);
-
-  const std::filesystem::path file = std::filesystem::canonical(options.out);
-  product.parameters = json_text({{"file", file.string()},
-                                  {"hash", db::hash_file(file).hex()},
-                                  {"preset", options.preset},
-                                  {"pooling", options.pooling == model::Pooling::kAverage ? "average" : "alias_free"},
-                                  {"steps", report.steps},
-                                  {"held_out_every", options.hold_out_every}});
-  store.add_product(product);
+  const model::TrainReport report = train_on_scans(store, options.scans, options.train, options.out);
   show(report, options, context);
 }
 
@@ -160,7 +129,7 @@ void add_train(CLI::App& program, Context& context) {
       ->check(CLI::Range(16, 4096));
   command
       ->add_option("--learning-rate", options->train.learning_rate,
-                   "Of Adam, at the start [0.004; 0.0004 with --start-from; published: 0.001]")
+                   "Of Adam, at the start [0.001 for superres, 0.002 for blend; a tenth with --start-from]")
       ->check(number_between(1e-8, 1.0));
   CLI::Option* sharpness_rate =
       command

@@ -30,7 +30,7 @@ struct TrainOptions {
   // From coarse pictures to fine ones (model/net/progressive.h). By default on for superres that starts untrained, else off; blend has no
   // coarse pictures.
   std::optional<bool> progressive;
-  // Of Adam; by default 1e-3 for superres, as published, and 4e-3 for blend. Decays to 1/100 along a cosine over the budget, in progressive training
+  // Of Adam; by default 1e-3 for superres, as published, and 2e-3 for blend, a tenth of that with start_from. Decays to 1/100 along a cosine over the budget, in progressive training
   // over the last stage.
   std::optional<double> learning_rate;
   double sharpness_rate =

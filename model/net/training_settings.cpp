@@ -22,7 +22,9 @@ bool trains_progressively(const TrainOptions& options) {
 }
 
 double learning_rate(const TrainOptions& options) {
-  return options.learning_rate.value_or(superres(options) ? 1e-3 : 4e-3);
+  // What a model has learned is not to be lost to the first steps on other data.
+  const double adapting = options.start_from ? 0.1 : 1;
+  return options.learning_rate.value_or(adapting * (superres(options) ? 1e-3 : 2e-3));
 }
 
 void check(const TrainOptions& options) {
