@@ -114,8 +114,10 @@ void add_train(CLI::App& program, Context& context) {
       ->transform(CLI::CheckedTransformer(active_sets));
   const std::map<std::string, model::Pooling> poolings{{"alias_free", model::Pooling::kAliasFree},
                                                        {"average", model::Pooling::kAverage}};
-  command->add_option("--pooling", options->pooling, "Of superres: alias_free, or average, which jumps [alias_free]")
-      ->transform(CLI::CheckedTransformer(poolings));
+  CLI::Option* pooling =
+      command
+          ->add_option("--pooling", options->pooling, "Of superres: alias_free, or average, which jumps [alias_free]")
+          ->transform(CLI::CheckedTransformer(poolings));
   const std::map<std::string, bool> on_off{{"on", true}, {"off", false}};
   command
       ->add_option("--progressive", options->train.progressive,
@@ -159,8 +161,10 @@ void add_train(CLI::App& program, Context& context) {
   command->add_option("--meshes", options->meshes, "Folder of head meshes for every second simulated view")
       ->needs(simulated)
       ->check(CLI::ExistingDirectory);
-  command->add_option("--start-from", options->start_from,
-                      "Train this model (a file, a name, or blend, the shipped one) further on other data");
+  command
+      ->add_option("--start-from", options->start_from,
+                   "Train this model (a file, a name, or blend, the shipped one) further on other data")
+      ->excludes(pooling);
   command->add_option("--resume", options->train.resume, "Go on from this checkpoint");
   command->callback([options, &context] { run_train(*options, context); });
 }

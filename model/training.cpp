@@ -77,8 +77,10 @@ class Run {
   bool step();
   double validation(const std::function<torch::Tensor(const Example&)>& picture) const;
   double validation() const;
+  // Until the budget is used up, or for a reason that is then in the report.
   void take_steps(TrainReport& report);
-  void validate();
+  // False when the error was not finite; nothing has been written then.
+  bool validate();
   bool out_of_patience() const;
   void write_curve() const;
   double elapsed() const {
@@ -159,9 +161,8 @@ bool Run::step() {
   std::vector<Tensor> parameters;
   for (const auto& entry : network_->parameters()) {
     parameters.push_back(entry.second);
-    parameters.back()
-        .mutable_grad()
-        .reset();  // undefined and not 0, so that Adam leaves levels that are not active alone
+    // Undefined and not 0, so that Adam leaves levels that are not active alone.
+    parameters.back().mutable_grad().reset();
   }
   loss.value.backward();
   const double gradient = torch::nn::utils::clip_grad_norm_(parameters, kLargestGradient);
@@ -189,11 +190,12 @@ double Run::validation() const {
   return validation([&](const Example& example) { return predict(*network_, example); });
 }
 
-void Run::validate() {
+bool Run::validate() {
   LossPoint point;
   point.step = state_.step;
   point.train = state_.loss_sum / double(std::max<std::int64_t>(state_.loss_count, 1));
   point.validation = validation();
+  if (!std::isfinite(point.validation)) return false;
   point.seconds = elapsed();
   point.level = position();
   state_.curve.push_back(point);
@@ -204,6 +206,7 @@ void Run::validate() {
     save_network(out_, *network_, provenance(state_.best_validation));
   }
   save();
+  return true;
 }
 
 void Run::save() {
@@ -264,12 +267,13 @@ void Run::take_steps(TrainReport& report) {
       return;
     }
     if (state_.step % options_.validate_every == 0) {
-      validate();
+      report.stopped_by_nan = !validate();
       report.stopped_early = out_of_patience();
-      if (report.stopped_early) return;
+      if (report.stopped_by_nan || report.stopped_early) return;
     }
     show(progress, shown, total);
   }
+  if (state_.loss_count > 0) report.stopped_by_nan = !validate();
 }
 
 TrainReport Run::train() {
@@ -285,8 +289,6 @@ TrainReport Run::train() {
   if (report.stopped_by_nan) {
     core::warn("training: the loss is not finite after step " + std::to_string(state_.step) +
                "; the checkpoint is the best one before it. Train again with a lower learning rate");
-  } else if (state_.loss_count > 0) {
-    validate();
   }
   if (report.stopped_early) {
     core::note("training stops early at step " + std::to_string(state_.step) + ": " +

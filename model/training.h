@@ -30,16 +30,16 @@ struct TrainOptions {
   // From coarse pictures to fine ones (model/net/progressive.h). By default on for superres that starts untrained, else off; blend has no
   // coarse pictures.
   std::optional<bool> progressive;
-  // Of Adam; by default 1e-3 for superres, as published, and 2e-3 for blend, a tenth of that with start_from. Decays to 1/100 along a cosine over the budget, in progressive training
-  // over the last stage.
+  // Of Adam; by default 1e-3 for superres, as published, and 2e-3 for blend, a tenth of that with `start_from`. Decays to 1/100 along a cosine over the
+  // budget, in progressive training over the last stage.
   std::optional<double> learning_rate;
-  double sharpness_rate =
-      0.1;  // learning rate of ln s relative to all others (at 1 it unsettles training); 0 freezes s
+  // Of ln s, as a factor of the rate of all else; at 1 it unsettles training, 0 freezes s.
+  double sharpness_rate = 0.1;
   std::optional<double> minutes;      // stop after so long (wall clock, everything included), or
   std::optional<std::int64_t> steps;  // after so many steps; at least one of the two
   int validate_every = 200;           // steps
-  // Ends the run after so many validations in a row without a new best one (0: never); in progressive training those count that come when full-size
-  // pictures are trained.
+  // Stop after so many validations in a row without a new best one (0: never); in progressive training those count in which full-size pictures are
+  // trained.
   int early_stop = 0;
   int held_out_every =
       0;  // the scans given lack every n-th light of the stage, kept for evaluation; recorded in the checkpoint (0: none)
@@ -51,9 +51,10 @@ struct TrainOptions {
 struct LossPoint {
   std::int64_t step = 0;
   double seconds = 0;
-  double train = 0;  // masked L1, mean since the last point; of coarse pictures where `level` says so
-  double validation =
-      0;  // masked L1 on held-out lights, from their nearest neighbours, the same draws every time; of full-size pictures
+  // Masked L1: the mean since the last point, of coarse pictures where `level` says so,
+  double train = 0;
+  // and of full-size pictures of held-out lights, from their nearest neighbours, the same draws every time.
+  double validation = 0;
   double level = 0;  // pictures of 1 / 2^level of the size were trained: 0 is full size, 2.3 is 3 fading into 2
 };
 
@@ -65,7 +66,8 @@ struct TrainReport {
   double best_validation = 0;   // of the checkpoint written
   double guide_validation = 0;  // the same error of thin-plate interpolation, the method `rbf`
   bool stopped_early = false;   // by TrainOptions::early_stop
-  bool stopped_by_nan = false;  // the loss or its gradient was not finite; the checkpoint is the last good one
+  // The loss, its gradient or the validation error was not finite; the checkpoint is the last good one.
+  bool stopped_by_nan = false;
 };
 
 // What a simulated stage captures of a subject, noise and all, and the truth where none of its lights stands, which a real stage cannot know:
