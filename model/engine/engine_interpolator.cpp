@@ -124,7 +124,8 @@ core::Image EngineInterpolator::render(const core::Direction& query) const {
   const std::span<const float> weights(set.weights.data_ptr<float>(), set.lights.size());
   const core::Image window = engine_.render(query, set.lights, weights);
 
-  core::Image picture(scan_.image_size());
+  const core::ImageSize size = scan_.image_size();
+  core::Image picture(size.height, size.width, size.channels == 1 ? 1 : 3);  // alpha is dropped
   by_bands(mask_window_.height, [&](int first, int rows) {
     const Tensor band = as_tensor(window, first, rows).narrow(2, 0, mask_window_.width);
     const core::Image linear =
