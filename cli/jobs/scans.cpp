@@ -60,7 +60,12 @@ std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id
     if (std::find(scans.begin(), scans.end(), scan_id) == scans.end()) continue;
     const std::filesystem::path file = file_of(*model);
     if (!std::filesystem::is_regular_file(file)) continue;
-    if (!architecture || model::read_checkpoint_info(file).config.architecture == *architecture) return file;
+    try {
+      const model::Architecture found = model::read_checkpoint_info(file).config.architecture;
+      if (!architecture || found == *architecture) return file;
+    } catch (const core::BadInput& error) {
+      core::warn(std::string(error.what()) + "; it is left out");
+    }
   }
   return std::nullopt;
 }

@@ -18,7 +18,8 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
 // none of these.
 std::filesystem::path find_model(const db::Store& store, const std::string& file_or_name);
 
-// The newest model of the store that was trained on the scan, of this architecture where one is given; nothing when there is none.
+// The newest model of the store that was trained on the scan, of this architecture where one is given; nothing when there is none. Files that cannot be
+// read are left out with a warning.
 std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id scan_id,
                                                   std::optional<model::Architecture> architecture = {});
 
