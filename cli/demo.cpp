@@ -132,14 +132,15 @@ std::string report_page(const Results& results, const Script& script, double sec
   const ordered_json& methods = results.evaluation["methods"];
   page.heading("Which method won");
   page.paragraph(verdict(methods));
-  std::vector<std::vector<std::string>> rows{{"method", "images", "RMSE", "H1", "DSSIM", "seconds an image"}};
+  std::vector<std::vector<std::string>> rows{{"method", "images", "RMSE", "H1", "DSSIM", "FLIP", "seconds an image"}};
   std::size_t best = 0;
   for (std::size_t i = 0; i < methods.size(); ++i) {
     const ordered_json& m = methods[i];
     if (m["rmse"].get<double>() < methods[best]["rmse"].get<double>()) best = i;
     rows.push_back({m["name"].get<std::string>(), std::to_string(m["images"].get<int>()),
                     fixed(m["rmse"].get<double>(), 4), fixed(m["h1"].get<double>(), 4),
-                    fixed(m["dssim"].get<double>(), 4), fixed(m["seconds_per_image"].get<double>(), 4)});
+                    fixed(m["dssim"].get<double>(), 4), fixed(m["flip"].get<double>(), 4),
+                    fixed(m["seconds_per_image"].get<double>(), 4)});
   }
   page.table(rows, best + 1);
   page.paragraph(
@@ -191,10 +192,10 @@ void run_demo(const Options& options, Context& context) {
                       {"evaluation", {{"methods", results.evaluation["methods"]}}},
                       {"wall_s", seconds},
                       {"report", report.string()}};
-  std::vector<std::vector<std::string>> rows{{"method", "RMSE", "H1", "DSSIM"}};
+  std::vector<std::vector<std::string>> rows{{"method", "RMSE", "H1", "DSSIM", "FLIP"}};
   for (const ordered_json& m : results.evaluation["methods"]) {
     rows.push_back({m["name"].get<std::string>(), fixed(m["rmse"].get<double>(), 4), fixed(m["h1"].get<double>(), 4),
-                    fixed(m["dssim"].get<double>(), 4)});
+                    fixed(m["dssim"].get<double>(), 4), fixed(m["flip"].get<double>(), 4)});
   }
   context.result("\n" + table(rows) + verdict(results.evaluation["methods"]) + "\nDone in " + fixed(seconds, 0) +
                      " s. Open " + report.string() + "\n",

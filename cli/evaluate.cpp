@@ -108,17 +108,18 @@ ordered_json to_json(const std::vector<model::MethodScore>& scores) {
                      {"rmse", score.rmse},
                      {"h1", score.h1},
                      {"dssim", score.dssim},
+                     {"flip", score.flip},
                      {"seconds_per_image", score.seconds_per_image}});
   }
   return array;
 }
 
 std::string to_text(const std::vector<model::MethodScore>& scores) {
-  std::vector<std::vector<std::string>> rows{{"method", "images", "RMSE", "H1", "DSSIM", "s/image"}};
+  std::vector<std::vector<std::string>> rows{{"method", "images", "RMSE", "H1", "DSSIM", "FLIP", "s/image"}};
   const model::MethodScore* best = nullptr;
   for (const model::MethodScore& score : scores) {
     rows.push_back({score.name, std::to_string(score.images), fixed(score.rmse, 4), fixed(score.h1, 4),
-                    fixed(score.dssim, 4), fixed(score.seconds_per_image, 4)});
+                    fixed(score.dssim, 4), fixed(score.flip, 4), fixed(score.seconds_per_image, 4)});
     if (best == nullptr || score.rmse < best->rmse) best = &score;
   }
   std::string text = table(rows);

@@ -21,6 +21,8 @@ struct Options {
   std::vector<std::string> scans;
   std::string preset = "tiny";
   std::string start_from;
+  std::optional<int> neighbours;
+  std::vector<int> channels;
   model::Pooling pooling = model::Pooling::kAliasFree;
   bool freeze_sharpness = false;
   std::filesystem::path out;
@@ -65,17 +67,29 @@ std::filesystem::path model_file(const std::string& file_or_name, const Context&
   return find_model(context.open_store(), file_or_name);
 }
 
+// The preset with the sizes that were asked for.
+model::NetworkConfig network_of(const Options& options) {
+  model::NetworkConfig config = model::network_preset(options.preset);
+  if (options.neighbours) config.neighbours = *options.neighbours;
+  if (!options.channels.empty()) config.channels = options.channels;
+  if (options.pooling == model::Pooling::kAverage && config.architecture != model::Architecture::kSuperres) {
+    throw core::UsageError("--pooling average: " + options.preset + " pools alias_free only");
+  }
+  config.pooling = options.pooling;
+  try {
+    model::network_tensors(config);
+  } catch (const core::BadInput& error) {
+    throw core::UsageError(error.what());
+  }
+  return config;
+}
+
 void run_train(Options options, Context& context) {
   if (!options.start_from.empty()) {
     options.train.start_from = model_file(options.start_from, context);
     options.train.config = model::read_checkpoint_info(*options.train.start_from).config;
   } else {
-    options.train.config = model::network_preset(options.preset);
-    if (options.pooling == model::Pooling::kAverage &&
-        options.train.config.architecture != model::Architecture::kSuperres) {
-      throw core::UsageError("--pooling average: " + options.preset + " pools alias_free only");
-    }
-    options.train.config.pooling = options.pooling;
+    options.train.config = network_of(options);
   }
   if (options.freeze_sharpness) options.train.sharpness_rate = 0;
   if (!options.train.minutes && !options.train.steps) options.train.minutes = 10;
@@ -106,6 +120,16 @@ void add_train(CLI::App& program, Context& context) {
       ->add_option("--preset", options->preset,
                    "Network: tiny, small or paper (superres, from small to as published), or blend")
       ->capture_default_str();
+  CLI::Option* neighbours = command
+                                ->add_option("--neighbours", options->neighbours,
+                                             "Lights a picture is made from, instead of the preset's number (8)")
+                                ->check(CLI::Range(1, 64));
+  CLI::Option* channels =
+      command
+          ->add_option("--channels", options->channels,
+                       "Channels of each level, from fine to coarse, instead of the preset's: 16,32,64")
+          ->delimiter(',')
+          ->check(CLI::Range(4, 512));
   const std::map<std::string, model::ActiveSetChoice> active_sets{{"random", model::ActiveSetChoice::kRandom},
                                                                   {"naive", model::ActiveSetChoice::kNaive}};
   command
@@ -164,7 +188,9 @@ void add_train(CLI::App& program, Context& context) {
   command
       ->add_option("--start-from", options->start_from,
                    "Train this model (a file, a name, or blend, the shipped one) further on other data")
-      ->excludes(pooling);
+      ->excludes(pooling)
+      ->excludes(neighbours)
+      ->excludes(channels);
   command->add_option("--resume", options->train.resume, "Go on from this checkpoint");
   command->callback([options, &context] { run_train(*options, context); });
 }

@@ -19,24 +19,21 @@ namespace {
 
 // The errors of one method so far.
 struct Tally {
-  MethodScore sums;
+  MethodScore sums;  // rmse and h1 squared
 
-  void add(double squared_error, double h1, double dssim, double seconds) {
+  void add(const MethodScore& image) {
     ++sums.images;
-    sums.rmse += squared_error;
-    sums.h1 += h1;
-    sums.dssim += dssim;
-    sums.seconds_per_image += seconds;
+    sums.rmse += image.rmse;
+    sums.h1 += image.h1;
+    sums.dssim += image.dssim;
+    sums.flip += image.flip;
+    sums.seconds_per_image += image.seconds_per_image;
   }
 
   MethodScore score() const {
     const double n = double(std::max<std::size_t>(1, sums.images));
-    return {sums.name,
-            sums.images,
-            std::sqrt(sums.rmse / n),
-            std::sqrt(sums.h1 / n),
-            sums.dssim / n,
-            sums.seconds_per_image / n};
+    return {sums.name,      sums.images,   std::sqrt(sums.rmse / n),  std::sqrt(sums.h1 / n),
+            sums.dssim / n, sums.flip / n, sums.seconds_per_image / n};
   }
 };
 
@@ -61,13 +58,26 @@ class Judge {
                          "the picture that " + std::string(method.name()) + " makes of scan '" + scan_.name() + "'");
     // A method may answer a grey scan in colour.
     const bool same_channels = picture.channels() == truth.channels();
-    const core::Image is = judged(same_channels ? picture : core::to_rgb(picture), exposure_, options_.linear_values);
-    const core::Image should = judged(same_channels ? truth : core::to_rgb(truth), exposure_, options_.linear_values);
-    tally.add(mean_squared_error(is, should, scan_.mask()), squared_h1(is, should, scan_.mask()),
-              dssim(is, should, scan_.mask()), elapsed.count());
+    const core::Image is = same_channels ? picture : core::to_rgb(picture);
+    const core::Image should = same_channels ? truth : core::to_rgb(truth);
+    const core::Image is_shown = judged(is, exposure_, false), should_be_shown = judged(should, exposure_, false);
+    MethodScore errors;
+    if (options_.linear_values)
+      measure(judged(is, exposure_, true), judged(should, exposure_, true), errors);
+    else
+      measure(is_shown, should_be_shown, errors);
+    errors.flip = flip(is_shown, should_be_shown, scan_.mask());
+    errors.seconds_per_image = elapsed.count();
+    tally.add(errors);
   }
 
  private:
+  void measure(core::ImageView is, core::ImageView should, MethodScore& errors) const {
+    errors.rmse = mean_squared_error(is, should, scan_.mask());
+    errors.h1 = squared_h1(is, should, scan_.mask());
+    errors.dssim = dssim(is, should, scan_.mask());
+  }
+
   const core::OlatScan& scan_;
   EvaluationOptions options_;
   double exposure_;

@@ -22,6 +22,7 @@ struct MethodScore {
   double rmse = 0;               // root of the mean over images of the mean squared error over the mask
   double h1 = 0;                 // likewise
   double dssim = 0;              // mean over images
+  double flip = 0;               // mean over images; of display-encoded pictures even where values are linear
   double seconds_per_image = 0;  // of render() alone
 };
 

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "model/flip.h"
 
 namespace lightstage::model {
 
@@ -98,6 +99,12 @@ double dssim(core::ImageView a, core::ImageView b, core::ImageView mask) {
   cv::quality::QualitySSIM::compute(in_code_values(a), in_code_values(b), map);
   map.convertTo(map, CV_64F);
   return pair.mean([&](int y, int x, int c) { return (1 - map.ptr<double>(y)[x * a.channels() + c]) / 2; });
+}
+
+double flip(core::ImageView a, core::ImageView b, core::ImageView mask) {
+  const Comparison pair(a, b, mask);
+  const core::Image map = flip_map(a, b);
+  return pair.mean([&](int y, int x, int) { return double(map(y, x)); });
 }
 
 }  // namespace lightstage::model

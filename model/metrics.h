@@ -19,4 +19,7 @@ double squared_h1(core::ImageView a, core::ImageView b, core::ImageView mask);
 // mirrored about its outermost pixels, so that pictures smaller than the window have a value.
 double dssim(core::ImageView a, core::ImageView b, core::ImageView mask);
 
+// The mean of flip_map (model/flip.h) over the mask. Pictures of one channel or three; always display-encoded, since it models a screen.
+double flip(core::ImageView a, core::ImageView b, core::ImageView mask);
+
 }  // namespace lightstage::model

@@ -122,7 +122,20 @@ TEST_CASE("ablations are options, and what was asked for is on record") {
   refused({"--active-set", "best"}, "best");
   refused({"--preset", "blend", "--pooling", "average"}, "alias_free");
   refused({"--preset", "blend", "--progressive", "on"}, "blend");
+  refused({"--preset", "blend", "--channels", "16,5"}, "multiple of 4");
+  refused({"--start-from", "blend", "--neighbours", "4"}, "--neighbours");
   refused({"--freeze-sharpness", "--sharpness-rate", "1"}, "--sharpness-rate");
+}
+
+TEST_CASE("the sizes of a preset can be changed one by one") {
+  const Darkroom darkroom;
+  const test::Outcome trained = darkroom.train(
+      "net.safetensors", {"--preset", "blend", "--channels", "4,12", "--neighbours", "3", "--steps", "1"});
+  INFO(trained.err);
+  REQUIRE(trained.status == 0);
+  const json configuration = show(darkroom, darkroom / "net.safetensors").at("configuration");
+  CHECK(configuration.at("channels") == json({4, 12}));
+  CHECK(configuration.at("neighbours") == 3);
 }
 
 TEST_CASE("what is no model is not shown") {
