@@ -50,7 +50,7 @@ std::vector<Direction> turned(const std::vector<Direction>& directions, Dice& di
 }
 
 std::vector<Direction> random_stage(Dice& dice) {
-  const auto lights = std::size_t(dice.between(100, 332));
+  const auto lights = std::size_t(dice.log_between(48, 332));
   const bool dome = dice.chance(0.2);
   const bool geodesic = dice.chance(0.5);
   // Holes and domes leave a part of the sphere without lights.

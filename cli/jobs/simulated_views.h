@@ -17,7 +17,7 @@ struct SimulatedViewsOptions {
   std::uint64_t seed = 1;
 };
 
-// Views of 128 x 128 pixels, of a whole head or down to a third of it: stages of 100 to 331 lights, whole or a dome, about 6 to 20 degrees apart and turned at
+// Views of 128 x 128 pixels, of a whole head or down to a third of it: stages of 48 to 331 lights, whole or a dome, about 6 to 30 degrees apart and turned at
 // random; 64 queries where the stage has lights, mostly in front of the subject; one subject a view, turned up to 60 degrees, its colour
 // changed at random; half the views with the noise of a sensor of 3,000 to 30,000 electrons. A view takes about 2 s on two cores. Throws BadInput for a mesh that cannot
 // be read.

@@ -8,8 +8,9 @@ using test::run_program;
 
 TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
-  for (const std::string command : {"init", "stage", "capture", "calibrate", "align", "import", "export", "train",
-                                    "superres", "relight", "sky", "evaluate", "store", "doctor", "demo"}) {
+  for (const std::string command :
+       {"init", "stage", "capture", "calibrate", "align", "import", "export", "train", "superres", "relight", "sky",
+        "evaluate", "store", "model", "bench", "doctor", "demo"}) {
     INFO(command);
     const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);
