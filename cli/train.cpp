@@ -61,9 +61,8 @@ model::TrainReport train_on_simulated(const Options& options) {
   return model::train(simulated_views(views), options.train, options.out);
 }
 
-// `blend`, the shipped model, needs no store.
 std::filesystem::path model_file(const std::string& file_or_name, const Context& context) {
-  if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
+  if (const auto file = file_or_shipped_model(file_or_name)) return *file;
   return find_model(context.open_store(), file_or_name);
 }
 

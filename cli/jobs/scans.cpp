@@ -32,21 +32,23 @@ std::filesystem::path file_of(const db::Product& model) {
 
 }  // namespace
 
-std::filesystem::path find_model(const db::Store& store, const std::string& file_or_name) {
+std::optional<std::filesystem::path> file_or_shipped_model(const std::string& file_or_name) {
   if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
+  const std::filesystem::path shipped = model::shipped_blend();
+  if (!shipped.empty() && file_or_name == shipped.stem()) return shipped;
+  return std::nullopt;
+}
+
+std::filesystem::path find_model(const db::Store& store, const std::string& file_or_name) {
+  if (const auto file = file_or_shipped_model(file_or_name)) return *file;
   const std::vector<db::Product> models = store.products("weights");
-  std::vector<std::string> names;
+  std::vector<std::string> names{model::shipped_blend().stem().string()};
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
     const std::filesystem::path file = file_of(*model);
     names.push_back(file.stem().string());
     if (names.back() != file_or_name) continue;
     if (std::filesystem::is_regular_file(file)) return file;
     throw core::BadInput("model '" + file_or_name + "': its file " + file.string() + " is gone; train it again");
-  }
-  const std::filesystem::path shipped = model::shipped_blend();
-  if (!shipped.empty()) {
-    if (file_or_name == shipped.stem()) return shipped;
-    names.push_back(shipped.stem().string());
   }
   throw core::UsageError("no model file or model named '" + file_or_name + "'" +
                          core::did_you_mean(file_or_name, names));

@@ -138,6 +138,16 @@ TEST_CASE("the sizes of a preset can be changed one by one") {
   CHECK(configuration.at("neighbours") == 3);
 }
 
+TEST_CASE("a name that stands for no model is refused; the shipped model's needs no store") {
+  const test::TemporaryFolder folder;
+  const auto train_from = [&](const std::string& name) {
+    return test::run_program(folder / "nowhere",
+                             {"train", "--start-from", name, "--out", (folder / "x.safetensors").string()});
+  };
+  CHECK(train_from("blend").status == 2);  // no data to learn from: the model was found
+  CHECK(train_from("blendx").status == 5);
+}
+
 TEST_CASE("what is no model is not shown") {
   const test::TemporaryFolder folder;
   std::ofstream(folder / "text.safetensors") << "not a model";
