@@ -81,17 +81,27 @@ std::vector<model::InterpolatorFactory> factories(const std::vector<MethodChoice
   return made;
 }
 
+// Whether a model of this origin may have been trained on the lights 0, every, 2 every, ...; what it started from counts too.
+bool may_have_seen(const ordered_json& provenance, int every) {
+  if (!provenance.is_object()) return true;
+  const auto started_from = provenance.find("start_from");
+  if (started_from != provenance.end() && started_from->is_object() &&
+      may_have_seen(started_from->value("provenance", ordered_json()), every)) {
+    return true;
+  }
+  const auto data = provenance.find("data");
+  const bool simulated_views_alone = data != provenance.end() && data->is_object();
+  if (simulated_views_alone) return false;
+  const int held_out_every = provenance.value("held_out_every", 0);
+  return held_out_every == 0 || every % held_out_every != 0;
+}
+
 // A network that has seen the very lights it is asked to predict would be flattered.
 void warn_if_seen_in_training(const Options& options, const std::vector<MethodChoice>& choices) {
   for (const MethodChoice& choice : choices) {
     if (choice.options.model_file.empty()) continue;
-    const auto provenance =
-        ordered_json::parse(model::read_checkpoint_info(choice.options.model_file).provenance, nullptr, false);
-    if (provenance.is_object() && provenance.contains("data") && provenance["data"].is_object()) {
-      continue;  // trained on simulated views alone
-    }
-    const int held_out_every = provenance.is_object() ? provenance.value("held_out_every", 0) : 0;
-    if (held_out_every == 0 || options.every % held_out_every != 0) {
+    const std::string provenance = model::read_checkpoint_info(choice.options.model_file).provenance;
+    if (may_have_seen(ordered_json::parse(provenance, nullptr, false), options.every)) {
       core::warn(choice.method +
                  " may have been trained on the lights held out here: its errors are flattered; train with "
                  "--hold-out-every " +

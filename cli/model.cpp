@@ -3,6 +3,7 @@
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/jobs/scans.h"
 #include "model/checkpoint.h"
 
 namespace lightstage::cli {
@@ -32,7 +33,8 @@ ordered_json provenance(const std::string& text) {
   return parsed.is_discarded() ? ordered_json(text) : parsed;
 }
 
-void run_show(const std::filesystem::path& file, Context& context) {
+void run_show(const std::string& file_or_name, Context& context) {
+  const std::filesystem::path file = file_or_shipped_model(file_or_name).value_or(file_or_name);
   const model::CheckpointInfo info = model::read_checkpoint_info(file);
   const ordered_json config = configuration(info.config), origin = provenance(info.provenance);
 
@@ -74,8 +76,8 @@ void add_model(CLI::App& program, Context& context) {
   CLI::App* show = command->add_subcommand("show", "Print what a model file holds and where it comes from");
   show->fallthrough();
   show->footer("Example:\n  lightstage model show head.safetensors --json");
-  auto file = std::make_shared<std::filesystem::path>();
-  show->add_option("FILE", *file, "A model file (.safetensors)")->required();
+  auto file = std::make_shared<std::string>();
+  show->add_option("FILE", *file, "A model file (.safetensors), or blend, the shipped one")->required();
   show->callback([file, &context] { run_show(*file, context); });
 }
 

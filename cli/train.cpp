@@ -90,6 +90,8 @@ void run_train(Options options, Context& context) {
   } else {
     options.train.config = network_of(options);
   }
+  // m = 16 for k = 8, as published.
+  options.train.candidates = std::max(options.train.candidates, 2 * options.train.config.neighbours);
   if (options.freeze_sharpness) options.train.sharpness_rate = 0;
   if (!options.train.minutes && !options.train.steps) options.train.minutes = 10;
   if (options.simulated) {

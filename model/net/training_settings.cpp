@@ -15,6 +15,13 @@ bool superres(const TrainOptions& options) {
   return options.config.architecture == Architecture::kSuperres;
 }
 
+// A model's name and its own provenance, so that a chain of them tells of all data that went into the last.
+Json origin(const std::filesystem::path& checkpoint) {
+  const std::string provenance = read_checkpoint_info(checkpoint).provenance;
+  const Json parsed = Json::parse(provenance, nullptr, /*allow_exceptions=*/false);
+  return {{"file", checkpoint.filename().string()}, {"provenance", parsed.is_discarded() ? Json(provenance) : parsed}};
+}
+
 }  // namespace
 
 bool trains_progressively(const TrainOptions& options) {
@@ -60,7 +67,7 @@ Json training_settings(const Json& data, const TrainOptions& options) {
           {"sharpness_rate", options.sharpness_rate},
           {"validate_every", options.validate_every},
           {"held_out_every", options.held_out_every},
-          {"start_from", options.start_from ? options.start_from->filename().string() : ""}};
+          {"start_from", options.start_from ? origin(*options.start_from) : Json()}};
 }
 
 Json description(std::span<const core::OlatScan> scans) {

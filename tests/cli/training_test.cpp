@@ -92,6 +92,8 @@ TEST_CASE("a model tells its configuration, its tensors and where it comes from"
     CHECK(model.at("tensors").at(0).at("shape") == json({16, 6, 3, 3}));
   }
 
+  CHECK(show(darkroom, "blend").at("configuration").at("architecture") == "blend");
+
   const std::string text = darkroom.run({"model", "show", darkroom / "net.safetensors"}).out;
   for (const char* said : {"encoder.0.conv.weight", "16 x 6 x 3 x 3", "log_sharpness", "scalar", "seed: 5"}) {
     CHECK(text.find(said) != std::string::npos);
@@ -136,6 +138,31 @@ TEST_CASE("the sizes of a preset can be changed one by one") {
   const json configuration = show(darkroom, darkroom / "net.safetensors").at("configuration");
   CHECK(configuration.at("channels") == json({4, 12}));
   CHECK(configuration.at("neighbours") == 3);
+  CHECK(darkroom.train("many.safetensors", {"--neighbours", "20", "--steps", "1"}).status == 0);
+}
+
+TEST_CASE("whoever is judged on lights that it was trained on, or its origin was, is warned") {
+  const Darkroom darkroom;
+  const auto train_one = [&](const std::string& out, std::vector<std::string> more) {
+    more.insert(more.end(), {"--steps", "1"});
+    REQUIRE(darkroom.train(out, std::move(more)).status == 0);
+  };
+  train_one("all.safetensors", {"--preset", "blend", "--channels", "4,8"});
+  train_one("most.safetensors", {"--preset", "blend", "--channels", "4,8", "--hold-out-every", "6"});
+  train_one("all_then_most.safetensors", {"--start-from", darkroom / "all.safetensors", "--hold-out-every", "6"});
+  const auto warned = [&](const std::string& file, const std::string& every) {
+    const test::Outcome outcome =
+        darkroom.run({"evaluate", "ball", "--held-out", "--every", every, "--method", "blend", "--model", file});
+    INFO(outcome.err);
+    REQUIRE(outcome.status == 0);
+    return outcome.err.find("flattered") != std::string::npos;
+  };
+  CHECK(warned(darkroom / "all.safetensors", "6"));
+  CHECK_FALSE(warned(darkroom / "most.safetensors", "6"));
+  CHECK_FALSE(warned(darkroom / "most.safetensors", "12"));
+  CHECK(warned(darkroom / "most.safetensors", "8"));
+  CHECK(warned(darkroom / "all_then_most.safetensors", "6"));
+  CHECK_FALSE(warned("blend", "6"));
 }
 
 TEST_CASE("a name that stands for no model is refused; the shipped model's needs no store") {

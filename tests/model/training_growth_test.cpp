@@ -277,7 +277,8 @@ TEST_CASE("training goes on from another network's weights, at full size, and re
   for (const auto& [name, values] : general) {
     for (std::size_t i = 0; i < values.size(); ++i) CHECK(adapted.at(name).at(i) == Approx(values[i]).margin(1e-20));
   }
-  CHECK(provenance_of(folder / "adapted").at("start_from") == "general");
+  CHECK(provenance_of(folder / "adapted").at("start_from").at("file") == "general");
+  CHECK(provenance_of(folder / "adapted").at("start_from").at("provenance") == provenance_of(folder / "general"));
   CHECK(provenance_of(folder / "adapted").at("progressive") == false);
 
   // And learns on: the scan's own validation error falls.
