@@ -14,6 +14,7 @@ namespace lightstage::core {
 namespace {
 
 constexpr double kExposureQuantile = 0.995;
+constexpr std::size_t kCandidates = std::size_t(1) << 16;  // values that a thread collects before it hands them on
 
 std::string text_of(ImageSize size) {
   return std::to_string(size.width) + "x" + std::to_string(size.height) + "x" + std::to_string(size.channels);
@@ -54,42 +55,56 @@ class LargestValues {
 
 }  // namespace
 
-struct OlatScan::Shared {
-  using ImagePointer = std::shared_ptr<const Image>;
-
+// What all copies share, whatever they cache.
+struct OlatScan::Source {
   std::string name;
   std::vector<Light> lights;
   ImageSize image_size;
   Image mask;
   std::size_t masked_pixel_count = 0;
   Loader loader;
-  std::size_t cached_images_allowed = 0;
-
-  std::mutex cache_mutex;
-  struct Slot {
-    ImagePointer image;                                       // set while cached
-    std::list<std::size_t>::iterator place;                   // in recently_used, while cached
-    std::optional<std::shared_future<ImagePointer>> loading;  // set while some thread is loading it
-  };
-  std::vector<Slot> slots;
-  std::list<std::size_t> recently_used;  // most recent first
 
   std::mutex exposure_mutex;
   std::optional<double> exposure;
 
-  ImagePointer image(std::size_t index);
-  ImagePointer load(std::size_t index) const;
-  void keep(std::size_t index, const ImagePointer& image);
-  double compute_exposure();
+  double compute_exposure(ImageCache& images) const;
 };
 
-OlatScan::Shared::ImagePointer OlatScan::Shared::image(std::size_t index) {
+class OlatScan::ImageCache {
+ public:
+  using ImagePointer = std::shared_ptr<const Image>;
+
+  ImageCache(std::shared_ptr<const Source> source, std::size_t bytes)
+      : source_(std::move(source)),
+        most_images_(bytes / (source_->image_size.value_count() * sizeof(float))),
+        slots_(source_->lights.size()) {}
+
+  std::size_t most_images() const { return most_images_; }
+  ImagePointer image(std::size_t index);
+
+ private:
+  struct Slot {
+    ImagePointer image;                                       // set while cached
+    std::list<std::size_t>::iterator place;                   // in recently_used_, while cached
+    std::optional<std::shared_future<ImagePointer>> loading;  // set while some thread is loading it
+  };
+  ImagePointer load(std::size_t index) const;
+  void keep(std::size_t index, const ImagePointer& image);
+
+  std::shared_ptr<const Source> source_;
+  std::size_t most_images_;
+  std::mutex mutex_;
+  std::vector<Slot> slots_;
+  std::list<std::size_t> recently_used_;  // most recent first
+};
+
+OlatScan::ImageCache::ImagePointer OlatScan::ImageCache::image(std::size_t index) {
   std::promise<ImagePointer> promise;
   {
-    std::unique_lock lock(cache_mutex);
-    Slot& slot = slots[index];
+    std::unique_lock lock(mutex_);
+    Slot& slot = slots_[index];
     if (slot.image != nullptr) {
-      recently_used.splice(recently_used.begin(), recently_used, slot.place);
+      recently_used_.splice(recently_used_.begin(), recently_used_, slot.place);
       return slot.image;
     }
     if (slot.loading) {
@@ -103,69 +118,78 @@ OlatScan::Shared::ImagePointer OlatScan::Shared::image(std::size_t index) {
   try {
     const ImagePointer loaded = load(index);
     {
-      const std::lock_guard lock(cache_mutex);
-      slots[index].loading.reset();
+      const std::lock_guard lock(mutex_);
+      slots_[index].loading.reset();
       keep(index, loaded);
     }
     promise.set_value(loaded);
     return loaded;
   } catch (...) {
     {
-      const std::lock_guard lock(cache_mutex);
-      slots[index].loading.reset();
+      const std::lock_guard lock(mutex_);
+      slots_[index].loading.reset();
     }
     promise.set_exception(std::current_exception());
     throw;
   }
 }
 
-OlatScan::Shared::ImagePointer OlatScan::Shared::load(std::size_t index) const {
-  auto image = std::make_shared<const Image>(loader(index));
-  if (image->size() != image_size)
-    throw BadInput("scan '" + name + "': the image of light " + std::to_string(index) + " is " +
-                   text_of(image->size()) + ", the scan's images are " + text_of(image_size));
+OlatScan::ImageCache::ImagePointer OlatScan::ImageCache::load(std::size_t index) const {
+  auto image = std::make_shared<const Image>(source_->loader(index));
+  if (image->size() != source_->image_size)
+    throw BadInput("scan '" + source_->name + "': the image of light " + std::to_string(index) + " is " +
+                   text_of(image->size()) + ", the scan's images are " + text_of(source_->image_size));
   return image;
 }
 
-void OlatScan::Shared::keep(std::size_t index, const ImagePointer& image) {
-  if (cached_images_allowed == 0) return;
-  while (recently_used.size() >= cached_images_allowed) {
-    slots[recently_used.back()].image.reset();
-    recently_used.pop_back();
+void OlatScan::ImageCache::keep(std::size_t index, const ImagePointer& image) {
+  if (most_images_ == 0) return;
+  while (recently_used_.size() >= most_images_) {
+    slots_[recently_used_.back()].image.reset();
+    recently_used_.pop_back();
   }
-  recently_used.push_front(index);
-  slots[index].image = image;
-  slots[index].place = recently_used.begin();
+  recently_used_.push_front(index);
+  slots_[index].image = image;
+  slots_[index].place = recently_used_.begin();
 }
 
-double OlatScan::Shared::compute_exposure() {
+double OlatScan::Source::compute_exposure(ImageCache& images) const {
   const std::size_t values_per_image = masked_pixel_count * std::size_t(image_size.channels);
   const std::size_t count = values_per_image * lights.size();
   const double position = kExposureQuantile * double(count - 1);
   const std::size_t below = static_cast<std::size_t>(position);
   LargestValues largest(count - below);
   std::mutex mutex;
-  parallel_for(lights.size(), 1, [&](std::size_t first, std::size_t last) {
+  const auto add_image = [&](std::size_t light) {
+    const std::shared_ptr<const Image> picture = images.image(light);
     std::vector<float> candidates;
-    for (std::size_t i = first; i < last; ++i) {
-      const ImagePointer picture = image(i);
-      float threshold = 0;
-      {
-        const std::lock_guard lock(mutex);
-        threshold = largest.threshold();
-      }
-      candidates.clear();
-      for (int y = 0; y < image_size.height; ++y)
-        for (int x = 0; x < image_size.width; ++x) {
-          if (!(mask(y, x) > 0.5f)) continue;
-          const float* p = picture->pixel(y, x);
-          for (int c = 0; c < image_size.channels; ++c)
-            if (p[c] >= threshold) candidates.push_back(p[c]);
-        }
+    float threshold = 0;
+    const auto exchange = [&] {
       const std::lock_guard lock(mutex);
       largest.add(candidates);
+      threshold = largest.threshold();
+      candidates.clear();
+    };
+    exchange();
+    for (int y = 0; y < image_size.height; ++y) {
+      for (int x = 0; x < image_size.width; ++x) {
+        if (!(mask(y, x) > 0.5f)) continue;
+        const float* p = picture->pixel(y, x);
+        for (int c = 0; c < image_size.channels; ++c)
+          if (p[c] >= threshold) candidates.push_back(p[c]);
+      }
+      if (candidates.size() >= kCandidates) exchange();
     }
-  });
+    exchange();
+  };
+  // No more images at a time than may be kept: where that is few, they are large.
+  const bool all_at_once = images.most_images() >= std::size_t(thread_count());
+  const std::size_t group = all_at_once ? lights.size() : std::max<std::size_t>(1, images.most_images());
+  for (std::size_t start = 0; start < lights.size(); start += group) {
+    parallel_for(std::min(group, lights.size() - start), 1, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) add_image(start + i);
+    });
+  }
   const std::vector<float> top = largest.take();
   const double low = top.front();
   const double high = top.size() > 1 ? top[1] : top.front();
@@ -176,7 +200,7 @@ double OlatScan::Shared::compute_exposure() {
 
 OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_size, Image mask, Loader loader,
                    std::size_t cache_bytes)
-    : shared_(std::make_shared<Shared>()) {
+    : source_(std::make_shared<Source>()) {
   const auto fail = [&](const std::string& problem) { return BadInput("scan '" + name + "': " + problem); };
   if (lights.empty()) throw fail("it has no lights");
   if (image_size.value_count() == 0) throw fail("its images have no pixels");
@@ -191,18 +215,17 @@ OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_
 
   for (const Light& light : lights) directions_.push_back(light.direction);
   for (std::size_t i = 0; i < lights.size(); ++i) source_index_.push_back(i);
-  shared_->name = std::move(name);
-  shared_->slots.resize(lights.size());
-  shared_->lights = std::move(lights);
-  shared_->image_size = image_size;
-  shared_->mask = std::move(mask);
-  shared_->masked_pixel_count = static_cast<std::size_t>(inside);
-  shared_->loader = std::move(loader);
-  shared_->cached_images_allowed = cache_bytes / (image_size.value_count() * sizeof(float));
+  source_->name = std::move(name);
+  source_->lights = std::move(lights);
+  source_->image_size = image_size;
+  source_->mask = std::move(mask);
+  source_->masked_pixel_count = static_cast<std::size_t>(inside);
+  source_->loader = std::move(loader);
+  images_ = std::make_shared<ImageCache>(source_, cache_bytes);
 }
 
 const std::string& OlatScan::name() const {
-  return shared_->name;
+  return source_->name;
 }
 std::size_t OlatScan::light_count() const {
   return source_index_.size();
@@ -211,13 +234,13 @@ const std::vector<Direction>& OlatScan::directions() const {
   return directions_;
 }
 ImageSize OlatScan::image_size() const {
-  return shared_->image_size;
+  return source_->image_size;
 }
 const Image& OlatScan::mask() const {
-  return shared_->mask;
+  return source_->mask;
 }
 std::size_t OlatScan::masked_pixel_count() const {
-  return shared_->masked_pixel_count;
+  return source_->masked_pixel_count;
 }
 
 std::size_t OlatScan::source_index(std::size_t light_index) const {
@@ -228,17 +251,17 @@ std::size_t OlatScan::source_index(std::size_t light_index) const {
 }
 
 const Light& OlatScan::light(std::size_t light_index) const {
-  return shared_->lights[source_index(light_index)];
+  return source_->lights[source_index(light_index)];
 }
 
 std::shared_ptr<const Image> OlatScan::image(std::size_t light_index) const {
-  return shared_->image(source_index(light_index));
+  return images_->image(source_index(light_index));
 }
 
 double OlatScan::exposure() const {
-  const std::lock_guard lock(shared_->exposure_mutex);
-  if (!shared_->exposure) shared_->exposure = shared_->compute_exposure();
-  return *shared_->exposure;
+  const std::lock_guard lock(source_->exposure_mutex);
+  if (!source_->exposure) source_->exposure = source_->compute_exposure(*images_);
+  return *source_->exposure;
 }
 
 OlatScan OlatScan::with_lights(std::span<const std::size_t> light_indices) const {
@@ -251,6 +274,12 @@ OlatScan OlatScan::with_lights(std::span<const std::size_t> light_indices) const
     chosen.directions_.push_back(directions_[i]);
   }
   return chosen;
+}
+
+OlatScan OlatScan::with_cache(std::size_t bytes) const {
+  OlatScan same = *this;
+  same.images_ = std::make_shared<ImageCache>(source_, bytes);
+  return same;
 }
 
 }  // namespace lightstage::core

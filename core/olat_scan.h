@@ -43,18 +43,25 @@ class OlatScan {
 
   // The 99.5th percentile of all masked values of all images: the value shown as 1 when errors are judged.
   // Exact, and always positive: where the percentile is not, it is the largest value, and 1 for an all-black
-  // scan. Computed once, on first use: reads every image and takes memory for about 1% of the masked values.
+  // scan. Computed once, on first use: reads every image, no more at a time than the cache may hold (but one), and takes memory for about 1%
+  // of the masked values.
   double exposure() const;
 
   // This scan with only the given lights, in that order, sharing images, mask and exposure (leave-one-out,
   // subsampling).
   OlatScan with_lights(std::span<const std::size_t> light_indices) const;
 
+  // This scan with an image cache of its own, of at most so many bytes (0: every image is read each time), empty at first; mask and exposure
+  // are shared.
+  OlatScan with_cache(std::size_t bytes) const;
+
  private:
-  struct Shared;
+  struct Source;
+  class ImageCache;
   std::size_t source_index(std::size_t light_index) const;
-  std::shared_ptr<Shared> shared_;
-  std::vector<std::size_t> source_index_;  // light here -> light in shared_
+  std::shared_ptr<Source> source_;
+  std::shared_ptr<ImageCache> images_;
+  std::vector<std::size_t> source_index_;  // light here -> light in source_
   std::vector<Direction> directions_;
 };
 

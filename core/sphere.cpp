@@ -23,6 +23,41 @@ double squared_chord(const Direction& a, const Direction& b) {
   return dot(d, d);
 }
 
+// In cells of a side of the octahedral map: 0.005 degrees.
+constexpr std::uint32_t kMapSize = 1 << 16;
+
+// The cell of a direction on the octahedral map: the faces around +y in the middle of the square, those around -y folded out to its corners.
+std::array<std::uint32_t, 2> octahedral_cell(const Direction& direction) {
+  const Vec3 d = direction.vec();
+  const double norm1 = std::abs(d.x) + std::abs(d.y) + std::abs(d.z);
+  double u = d.x / norm1, v = d.z / norm1;
+  if (d.y < 0) {
+    const double folded = std::copysign(1 - std::abs(v), u);
+    v = std::copysign(1 - std::abs(u), v);
+    u = folded;
+  }
+  const auto cell = [](double t) { return std::min(kMapSize - 1, std::uint32_t((t + 1) / 2 * kMapSize)); };
+  return {cell(u), cell(v)};
+}
+
+// How far along the Hilbert curve a cell lies. In each quarter, from the largest to the smallest, the curve is turned so that it enters where it
+// left the one before.
+std::uint32_t hilbert_distance(std::array<std::uint32_t, 2> cell) {
+  auto [x, y] = cell;
+  std::uint32_t distance = 0;
+  for (std::uint32_t side = kMapSize / 2; side > 0; side /= 2) {
+    const bool right = x & side, upper = y & side;
+    distance = 4 * distance + (upper ? (right ? 2 : 1) : (right ? 3 : 0));
+    if (upper) continue;
+    if (right) {
+      x = ~x;
+      y = ~y;
+    }
+    std::swap(x, y);
+  }
+  return distance;
+}
+
 }  // namespace
 
 std::vector<Direction> fibonacci_directions(std::size_t n) {
@@ -100,6 +135,16 @@ std::vector<std::size_t> nearest_indices(std::span<const Direction> directions, 
   std::vector<std::size_t> indices;
   for (auto entry = order.begin(); entry != middle; ++entry) indices.push_back(entry->second);
   return indices;
+}
+
+std::vector<std::size_t> neighbouring_order(std::span<const Direction> directions) {
+  std::vector<std::pair<std::uint32_t, std::size_t>> places;
+  for (std::size_t i = 0; i < directions.size(); ++i)
+    places.emplace_back(hilbert_distance(octahedral_cell(directions[i])), i);
+  std::sort(places.begin(), places.end());
+  std::vector<std::size_t> order;
+  for (const auto& [place, i] : places) order.push_back(i);
+  return order;
 }
 
 double median_spacing_radians(std::span<const Direction> directions) {

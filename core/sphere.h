@@ -26,6 +26,11 @@ std::vector<Direction> random_directions(std::size_t n, std::uint64_t seed);
 // index. O(n + k log k).
 std::vector<std::size_t> nearest_indices(std::span<const Direction> directions, const Direction& query, std::size_t k);
 
+// The indices 0 .. n - 1 in an order in which directions that follow each other are near each other: along a Hilbert curve over the octahedral map
+// of the sphere (Hilbert 1891; Engelhardt and Dachsbacher 2008, "Octahedron environment maps"). For work whose caches hold what neighbours share.
+// O(n log n).
+std::vector<std::size_t> neighbouring_order(std::span<const Direction> directions);
+
 // Median over the directions of the angle to their nearest other one, in radians. Duplicates (closer than
 // 1e-6) do not count as neighbours. pi for fewer than two distinct directions. O(n^2).
 double median_spacing_radians(std::span<const Direction> directions);

@@ -182,6 +182,44 @@ TEST_CASE("random use from many threads always gives the right image") {
   CHECK(wrong == 0);
 }
 
+TEST_CASE("a scan with a cache of its own shares all but images") {
+  const Counted s(4);
+  const OlatScan uncached = s.scan.with_cache(0), small = s.scan.with_cache(2 * kBytes);
+  for (int i = 0; i < 2; ++i) {
+    CHECK(*uncached.image(1) == picture(1, kSize));
+    CHECK(*small.image(2) == picture(2, kSize));
+    CHECK(*s.scan.image(3) == picture(3, kSize));
+  }
+  CHECK(s.counts() == std::vector<int>{0, 2, 1, 1});
+  CHECK(uncached.exposure() == slow_exposure(s.scan));
+  const std::vector<int> counts = s.counts();
+  CHECK(small.exposure() == uncached.exposure());
+  CHECK(s.scan.exposure() == uncached.exposure());
+  CHECK(s.counts() == counts);
+  CHECK(small.with_lights(std::vector<std::size_t>{3, 0}).exposure() == uncached.exposure());
+}
+
+TEST_CASE("exposure holds no more images at a time than may be cached") {
+  core::set_thread_count(4);
+  for (const std::size_t most : {0, 1, 2, 100}) {
+    std::atomic<int> held = 0, highest = 0;
+    const OlatScan scan(
+        "s", lights(12), kSize, {},
+        [&](std::size_t i) {
+          const int now = ++held;
+          for (int seen = highest; now > seen && !highest.compare_exchange_weak(seen, now);) {
+          }
+          std::this_thread::sleep_for(std::chrono::milliseconds(5));
+          --held;
+          return picture(i, kSize);
+        },
+        most * kBytes);
+    CHECK(scan.exposure() > 0);
+    CHECK(highest <= std::max(1, int(std::min<std::size_t>(most, 4))));
+  }
+  core::set_thread_count(0);
+}
+
 TEST_CASE("exposure is the exact 99.5th percentile inside the mask, at every thread count and cache size") {
   Image mask(13, 17, 1);
   for (std::size_t i = 0; i < mask.values().size(); ++i) mask.values()[i] = i % 3 == 0 ? 1.0f : 0.0f;

@@ -139,6 +139,36 @@ TEST_CASE("solid angles of cells sum to the sphere and are shared by duplicates"
   CHECK_THROWS_AS(core::voronoi_solid_angles(poles, 0), core::UsageError);
 }
 
+TEST_CASE("the neighbouring order visits every direction once, in short steps") {
+  for (const std::size_t n : {1, 2, 7, 302, 5000}) {
+    CAPTURE(n);
+    const std::vector<Direction> directions = core::fibonacci_directions(n);
+    std::vector<std::size_t> order = core::neighbouring_order(directions);
+    CHECK(order == core::neighbouring_order(directions));
+    double steps = 0;
+    for (std::size_t i = 1; i < order.size(); ++i)
+      steps += angle_radians(directions[order[i - 1]], directions[order[i]]);
+    // Ways that visit all points in a row are a spacing a step at best.
+    if (n > 2) CHECK(steps / double(n - 1) < 1.6 * core::median_spacing_radians(directions));
+    std::sort(order.begin(), order.end());
+    std::vector<std::size_t> all(n);
+    std::iota(all.begin(), all.end(), std::size_t(0));
+    CHECK(order == all);
+  }
+  CHECK(core::neighbouring_order({}).empty());
+}
+
+TEST_CASE("the neighbouring order knows poles, axes and duplicates") {
+  std::vector<Direction> directions;
+  for (const double sign : {1.0, -1.0, 1.0})
+    for (const core::Vec3 axis : {core::Vec3{1, 0, 0}, core::Vec3{0, 1, 0}, core::Vec3{0, 0, 1}})
+      directions.push_back(Direction::from_vector(sign * axis));
+  const std::vector<std::size_t> order = core::neighbouring_order(directions);
+  REQUIRE(order.size() == 9);
+  const auto place = [&](std::size_t i) { return std::find(order.begin(), order.end(), i) - order.begin(); };
+  for (const std::size_t i : {0, 1, 2}) CHECK(place(i + 6) == place(i) + 1);
+}
+
 TEST_CASE("solid angles do not depend on the thread count") {
   const std::vector<Direction> d = core::random_directions(57, 1);
   core::set_thread_count(1);
