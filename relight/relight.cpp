@@ -61,7 +61,10 @@ RelightReport relight_lights(const model::LightInterpolator& interpolator, std::
   if (!colours.empty()) {
     sum.add(interpolator.scan(), colours);
   } else {
-    for (const DistantLight& light : lights) {
+    std::vector<core::Direction> directions;
+    for (const DistantLight& light : lights) directions.push_back(light.direction);
+    for (const std::size_t i : core::neighbouring_order(directions)) {  // neighbours share captured images
+      const DistantLight& light = lights[i];
       if (light.irradiance == core::Vec3{}) continue;
       core::throw_if_interrupted();
       const core::Image picture = interpolator.render(light.direction);

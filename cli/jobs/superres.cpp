@@ -88,7 +88,7 @@ SuperresReport superres(db::Store& store, const db::LoadedScan& source, const db
 
   core::Progress progress("super-resolving", directions.size() - stored.size());
   double seconds = 0;
-  for (std::size_t i = 0; i < directions.size(); ++i) {
+  for (const std::size_t i : core::neighbouring_order(directions)) {  // neighbours share captured images
     if (stored.contains(int(i))) continue;
     core::throw_if_interrupted();
     const auto begin = std::chrono::steady_clock::now();
