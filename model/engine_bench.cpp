@@ -162,7 +162,8 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
     const SuperresEngine engine(tensors.view(), image_size, lights, load, options);
     std::optional<SuperresEngine> engine_bf16;
     if (bfloat_kernels() != nullptr) {
-      options.products = options.storage = Number::kBfloat16;
+      options.products = Number::kBfloat16;
+      options.storage = Number::kFloat16;
       engine_bf16.emplace(tensors.view(), image_size, lights, load, options);
       engine_bf16->render(query, active, weights);
     }

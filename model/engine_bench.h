@@ -19,7 +19,7 @@ struct EngineBench {
   // The fastest of torch's channels_last conv2d over shapes of the network's own layers.
   double roofline_gflops = 0;
   double max_abs_diff = 0;  // between the two pictures
-  // Where the processor has bfloat16 products; encodings are kept in bfloat16 too.
+  // Where the processor has bfloat16 products; encodings are kept in float16.
   std::optional<double> engine_bf16_s, max_abs_diff_bf16;
   double train_steps_per_s = 0, straightforward_train_steps_per_s = 0;  // on crops of `train_size` pixels square
   int train_size = 0;

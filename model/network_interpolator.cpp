@@ -67,11 +67,10 @@ std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatSca
                                                              const NetworkOptions& options) {
   std::unique_ptr<Network> network = load_network(checkpoint);
   if (const auto* superres = dynamic_cast<const SuperresNetwork*>(network.get())) {
-    const Number number = options.bfloat16 ? Number::kBfloat16 : Number::kFloat32;
     return make_engine_interpolator(
         scan, *superres,
-        {.products = number,
-         .storage = number,
+        {.products = options.bfloat16 ? Number::kBfloat16 : Number::kFloat32,
+         .storage = options.bfloat16 || options.half_storage ? Number::kFloat16 : Number::kFloat32,
          .budget = {.memory_bytes = options.cache_bytes, .spill_bytes = options.spill_bytes}});
   }
   return std::make_unique<BlendInterpolator>(scan, std::move(network));

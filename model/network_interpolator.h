@@ -14,7 +14,9 @@ namespace lightstage::model {
 struct NetworkOptions {
   // Products of bfloat16 numbers, sums of float32: 1.7 times as fast, values within about 0.01. UsageError where the processor cannot.
   bool bfloat16 = false;
-  // For the encodings of captured images, each made once: memory, and a temporary file for what does not fit there.
+  // Encodings kept as float16, so that twice as many fit; values within about 0.001 (and always with `bfloat16`, where it is lost in the noise).
+  bool half_storage = false;
+  // For captured images and their encodings, each made once: memory; and a temporary file for encodings that do not fit there.
   std::size_t cache_bytes = std::size_t(2) << 30;
   std::size_t spill_bytes = 0;
 };

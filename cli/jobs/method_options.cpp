@@ -31,13 +31,16 @@ void add_method_options(CLI::App& command, MethodChoice& choice) {
       ->check(number_between(0.0, 1e6));
   command.add_flag("--bf16", choice.options.network.bfloat16,
                    "superres: multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01");
+  command.add_flag("--half-cache", choice.options.network.half_storage,
+                   "superres: keep what the network makes of captured images in 16 bits, so that twice as much fits");
   const auto megabytes = [&](const std::string& name, std::size_t& bytes, const std::string& description) {
     command
         .add_option_function<std::size_t>(
             name, [&bytes](std::size_t value) { bytes = value << 20; }, description)
         ->check(CLI::Range(0, 1 << 24));
   };
-  megabytes("--cache-mb", choice.options.network.cache_bytes, "superres: memory for encoded images, MiB [2048]");
+  megabytes("--cache-mb", choice.options.network.cache_bytes,
+            "superres: memory for captured images and what the network makes of each, MiB [2048]");
   megabytes("--spill-mb", choice.options.network.spill_bytes,
             "superres: temporary file for encoded images that do not fit there, MiB [0]");
   const std::map<std::string, model::Domain> domains{{"linear", model::Domain::kLinear},

@@ -185,7 +185,7 @@ void Decoder::write_input_row(std::size_t level, int y, const WeightedEncodings&
     block_bytes = row.block_bytes;
   }
   const FeatureMap& any = pooled.encodings.front()->levels[level];
-  const auto pool = any.number() == Number::kFloat32 ? kernels_.pool_float : kernels_.pool_bfloat;
+  const auto pool = any.number() == Number::kFloat32 ? kernels_.pool_float : kernels_.pool_float16;
   for (int b = 0; b < any.blocks(); ++b, finish_block()) {
     pool(in.data(), pooled.weights.data(), int(pooled.encodings.size()), block, std::size_t(width));
     for (std::size_t i = 0; i < pooled.encodings.size(); ++i)

@@ -20,11 +20,22 @@ std::size_t bands(int height) {
   return std::size_t((height + kBandRows - 1) / kBandRows);
 }
 
+FeatureMap shape_of(std::size_t level, core::ImageSize image, int channels, Number number) {
+  return FeatureMap::shape(image.height >> (level + 1), image.width >> (level + 1), channels, number, kLeft);
+}
+
 }  // namespace
 
 std::size_t Encoding::bytes() const {
   std::size_t total = 0;
   for (const FeatureMap& level : levels) total += level.bytes();
+  return total;
+}
+
+std::size_t encoding_bytes(std::span<const int> channels, core::ImageSize image, Number number) {
+  std::size_t total = 0;
+  for (std::size_t level = 0; level < channels.size(); ++level)
+    total += shape_of(level, image, channels[level], number).bytes();
   return total;
 }
 
@@ -41,8 +52,7 @@ Encoder::Encoder(const SuperresWeights& weights, const Kernels& kernels)
 }
 
 FeatureMap Encoder::level_shape(std::size_t level, core::ImageSize image, Number number) const {
-  return FeatureMap::shape(image.height >> (level + 1), image.width >> (level + 1),
-                           layers_[level].convolution.output_channels(), number, kLeft);
+  return shape_of(level, image, layers_[level].convolution.output_channels(), number);
 }
 
 void Encoder::normalise(const Layer& layer, std::span<const Moments> moments, std::size_t parts,
@@ -140,13 +150,13 @@ Encoding Encoder::encode(core::Image image, const core::Direction& light, Number
 }
 
 FeatureMap shortened(const FeatureMap& map, const Kernels& kernels) {
-  FeatureMap result(map.height(), map.width(), map.blocks() * kLanes, Number::kBfloat16, kLeft);
+  FeatureMap result(map.height(), map.width(), map.blocks() * kLanes, Number::kFloat16, kLeft);
   core::parallel_for(std::size_t(map.height()), kBandRows, [&](std::size_t first, std::size_t last) {
     for (int y = int(first); y < int(last); ++y) {
       const Row from = map.row(y), to = result.row(y);
       for (int b = 0; b < map.blocks(); ++b) {
         kernels.shorten(reinterpret_cast<const float*>(from.data + std::size_t(b) * from.block_bytes),
-                        reinterpret_cast<Bfloat16*>(to.data + std::size_t(b) * to.block_bytes),
+                        reinterpret_cast<Float16*>(to.data + std::size_t(b) * to.block_bytes),
                         std::size_t(map.width()));
       }
     }

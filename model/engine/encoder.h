@@ -21,6 +21,9 @@ struct Encoding {
   std::size_t bytes() const;
 };
 
+// Of the encoding of an image of this size, by a network of these channels, kept as `number`.
+std::size_t encoding_bytes(std::span<const int> channels, core::ImageSize image, Number number);
+
 class Encoder {
  public:
   // Computes in float32, so that what is kept for all queries is as good as it can be.
@@ -35,7 +38,7 @@ class Encoder {
   // are held here at a time. Does not depend on the thread count.
   void encode(core::Image image, const core::Direction& light,
               const std::function<void(std::size_t level, FeatureMap map)>& receive) const;
-  // All levels, stored as `number`.
+  // All levels, stored as `number`: float32 or float16.
   Encoding encode(core::Image image, const core::Direction& light, Number number) const;
 
  private:
@@ -52,7 +55,7 @@ class Encoder {
   std::vector<Layer> layers_;
 };
 
-// A level of an encoding, float32, as bfloat16.
+// A level of an encoding, float32, as float16.
 FeatureMap shortened(const FeatureMap& map, const Kernels& kernels);
 
 }  // namespace lightstage::model

@@ -55,65 +55,85 @@ core::Image display_window(core::ImageView linear, double exposure, const Window
   return result;
 }
 
+// What is kept between queries of each light: its captured image, its encoding.
+struct LightBytes {
+  std::size_t image, encoding;
+};
+
+EngineOptions with_memory(EngineOptions options, std::size_t bytes) {
+  options.budget.memory_bytes = bytes;
+  return options;
+}
+
 class EngineInterpolator : public LightInterpolator {
  public:
-  EngineInterpolator(const core::OlatScan& scan, const SuperresNetwork& network, const EngineOptions& options)
-      : scan_(scan),
-        neighbours_(std::size_t(network.config().neighbours)),
-        network_(network),
-        spacing_(core::median_spacing_radians(scan.directions())),
-        mask_window_(bounding_window(scan.mask())),
-        window_(rounded_up(mask_window_, network.size_multiple())),
-        engine_(
-            NetworkWeights(network).view(), {window_.height, window_.width, 3}, scan.directions(),
-            [this](std::size_t light) { return display_window(*scan_.image(light), scan_.exposure(), window_); },
-            options) {}
+  EngineInterpolator(const core::OlatScan& scan, const SuperresNetwork& network, const EngineOptions& options);
 
   std::string_view name() const override { return architecture_name(Architecture::kSuperres); }
   const core::OlatScan& scan() const override { return scan_; }
   core::Image render(const core::Direction& query) const override;
 
  private:
-  void blend_outside(const ActiveSet& set, std::span<const float> weights, core::Image& picture) const;
+  core::ImageSize window_size() const { return {window_.height, window_.width, 3}; }
+  std::size_t lights_held(std::size_t memory_bytes) const;
+  void add_blend_outside(const ActiveSet& set, std::span<const float> weights, core::Image& display) const;
 
-  core::OlatScan scan_;
   std::size_t neighbours_;
   SuperresNetwork network_;
   double spacing_;
   Window mask_window_;
   Window window_;  // mask_window_, grown to the sizes that the network takes
+  LightBytes bytes_;
+  std::size_t lights_held_;
+  core::OlatScan scan_;
   SuperresEngine engine_;
 };
 
-// The parts of the picture above, below, left and right of the mask's window.
-void EngineInterpolator::blend_outside(const ActiveSet& set, std::span<const float> weights,
-                                       core::Image& picture) const {
+EngineInterpolator::EngineInterpolator(const core::OlatScan& scan, const SuperresNetwork& network,
+                                       const EngineOptions& options)
+    : neighbours_(std::min(std::size_t(network.config().neighbours), scan.light_count())),
+      network_(network),
+      spacing_(core::median_spacing_radians(scan.directions())),
+      mask_window_(bounding_window(scan.mask())),
+      window_(rounded_up(mask_window_, network.size_multiple())),
+      bytes_{scan.image_size().value_count() * sizeof(float),
+             encoding_bytes(network.config().channels, window_size(), options.storage)},
+      lights_held_(lights_held(options.budget.memory_bytes)),
+      scan_(scan.with_cache(lights_held_ * bytes_.image)),
+      engine_(
+          NetworkWeights(network).view(), window_size(), scan.directions(),
+          [this](std::size_t light) { return display_window(*scan_.image(light), scan_.exposure(), window_); },
+          with_memory(options, lights_held_ * bytes_.encoding)) {}
+
+// Images and encodings share the memory: so many lights of both, or of neither where it does not hold an active set.
+std::size_t EngineInterpolator::lights_held(std::size_t memory_bytes) const {
+  const std::size_t lights = memory_bytes / (bytes_.image + bytes_.encoding);
+  return lights < neighbours_ ? 0 : lights;
+}
+
+// The parts of the picture above, below, left and right of the mask's window. One captured image at a time: an active set of large ones
+// takes more memory than all else.
+void EngineInterpolator::add_blend_outside(const ActiveSet& set, std::span<const float> weights,
+                                           core::Image& display) const {
   const Window& m = mask_window_;
   const int bottom = m.y + m.height, right = m.x + m.width;
-  std::vector<Window> parts{{0, 0, m.y, picture.width()},
-                            {bottom, 0, picture.height() - bottom, picture.width()},
+  std::vector<Window> parts{{0, 0, m.y, display.width()},
+                            {bottom, 0, display.height() - bottom, display.width()},
                             {m.y, 0, m.height, m.x},
-                            {m.y, right, m.height, picture.width() - right}};
+                            {m.y, right, m.height, display.width() - right}};
   std::erase_if(parts, [](const Window& part) { return part.height <= 0 || part.width <= 0; });
   if (parts.empty()) return;
-  std::vector<std::shared_ptr<const core::Image>> images;
   for (std::size_t i = 0; i < set.lights.size(); ++i) {
-    images.push_back(weights[i] == 0 ? nullptr : scan_.image(set.lights[i]));
-  }
-  for (const Window& part : parts) {
-    by_bands(part.height, [&](int first, int rows) {
-      Tensor sum = torch::zeros({3, rows, part.width});
-      for (std::size_t i = 0; i < images.size(); ++i) {
-        if (images[i] == nullptr) continue;
-        const core::ImageView band = images[i]->view().crop(part.y + first, part.x, rows, part.width);
-        sum += weights[i] * to_display(band, scan_.exposure());
-      }
-      const core::Image band = from_display(sum, scan_.exposure(), picture.channels());
-      for (int y = 0; y < rows; ++y) {
-        std::copy_n(band.pixel(y, 0), std::size_t(part.width * picture.channels()),
-                    picture.pixel(part.y + first + y, part.x));
-      }
-    });
+    if (weights[i] == 0) continue;
+    const std::shared_ptr<const core::Image> image = scan_.image(set.lights[i]);
+    for (const Window& part : parts) {
+      by_bands(part.height, [&](int first, int rows) {
+        const core::ImageView band = image->view().crop(part.y + first, part.x, rows, part.width);
+        as_tensor(display, part.y + first, rows)
+            .narrow(2, part.x, part.width)
+            .add_(to_display(band, scan_.exposure()), weights[i]);
+      });
+    }
   }
 }
 
@@ -122,20 +142,25 @@ core::Image EngineInterpolator::render(const core::Direction& query) const {
   const ActiveSet set = network_.active_set(query, scan_.directions(),
                                             core::nearest_indices(scan_.directions(), query, neighbours_), spacing_);
   const std::span<const float> weights(set.weights.data_ptr<float>(), set.lights.size());
-  const core::Image window = engine_.render(query, set.lights, weights);
-
   const core::ImageSize size = scan_.image_size();
-  core::Image picture(size.height, size.width, size.channels == 1 ? 1 : 3);  // alpha is dropped
-  by_bands(mask_window_.height, [&](int first, int rows) {
-    const Tensor band = as_tensor(window, first, rows).narrow(2, 0, mask_window_.width);
-    const core::Image linear =
-        from_display(band.contiguous(at::MemoryFormat::Contiguous), scan_.exposure(), picture.channels());
-    for (int y = 0; y < rows; ++y) {
-      std::copy_n(linear.pixel(y, 0), std::size_t(mask_window_.width * picture.channels()),
-                  picture.pixel(mask_window_.y + first + y, mask_window_.x));
+  core::Image display = engine_.render(query, set.lights, weights);
+  const bool all_inside = mask_window_.height == size.height && mask_window_.width == size.width;
+  if (!all_inside || display.height() != size.height || display.width() != size.width) {
+    core::Image whole(size.height, size.width, 3);
+    for (int y = 0; y < mask_window_.height; ++y) {
+      std::copy_n(display.pixel(y, 0), std::size_t(mask_window_.width) * 3,
+                  whole.pixel(mask_window_.y + y, mask_window_.x));
     }
+    display = std::move(whole);
+    add_blend_outside(set, weights, display);
+  }
+
+  core::Image picture(size.height, size.width, size.channels == 1 ? 1 : 3);  // alpha is dropped
+  by_bands(size.height, [&](int first, int rows) {
+    const Tensor band = as_tensor(display, first, rows).contiguous(at::MemoryFormat::Contiguous);
+    const core::Image linear = from_display(band, scan_.exposure(), picture.channels());
+    std::ranges::copy(linear.values(), picture.pixel(first, 0));
   });
-  blend_outside(set, weights, picture);
   return picture;
 }
 

@@ -10,9 +10,10 @@
 
 namespace lightstage::model {
 
-// Computes the bounding box of the mask alone; outside it is the weighted sum of the display-encoded captured images, decoded. Takes the
-// memory of options.budget for encodings and, while a query runs, that of one feature map a level and three pictures, even of 4096 x 4096
-// pixels. The network is not needed afterwards.
+// Computes the bounding box of the mask alone; outside it is the weighted sum of the display-encoded captured images, decoded. Keeps captured
+// images (in a cache of its own, see OlatScan::with_cache) and encodings, of as many lights as options.budget.memory_bytes holds of both, or none
+// where that is not an active set. Takes beside it, while a query runs, the memory of one feature map a level and four pictures, even of
+// 4096 x 4096 pixels. The network is not needed afterwards.
 std::unique_ptr<LightInterpolator> make_engine_interpolator(const core::OlatScan& scan, const SuperresNetwork& network,
                                                             const EngineOptions& options);
 

@@ -182,9 +182,9 @@ constexpr Kernels make_kernels(const char* name) {
   };
   kernels.normalise_to_float = normalise<float>;
   kernels.pool_float = pool<float, Stored>;
-  kernels.pool_bfloat = pool<Bfloat16, Stored>;
+  kernels.pool_float16 = pool<Float16, Stored>;
   kernels.picture = picture;
-  kernels.shorten = [](const float* in, Bfloat16* out, std::size_t blocks) {
+  kernels.shorten = [](const float* in, Float16* out, std::size_t blocks) {
     for (std::size_t i = 0; i < blocks * kLanes; i += kLanes) store(load(in + i), out + i);
   };
   return kernels;

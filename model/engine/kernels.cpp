@@ -10,7 +10,9 @@ namespace {
 std::vector<const Kernels*> usable_kernels() {
   std::vector<const Kernels*> usable{&kPlainKernels};
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma")) usable.push_back(&kAvx2Kernels);
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c")) {
+    usable.push_back(&kAvx2Kernels);
+  }
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
       __builtin_cpu_supports("avx512vl")) {
     usable.push_back(&kAvx512Kernels);

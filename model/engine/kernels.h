@@ -14,9 +14,11 @@ namespace lightstage::model {
 inline constexpr int kLanes = 16;
 inline constexpr int kWidestRun = 14;
 
-// How numbers are stored: as float32, or as its upper half (8 bits of precision, the same range).
-enum class Number { kFloat32, kBfloat16 };
+// How numbers are kept: as float32; as its upper half (8 bits of precision, the same range), for products; or as IEEE 754 half precision (11 bits,
+// up to 65504, where larger ones stop), for storage.
+enum class Number { kFloat32, kBfloat16, kFloat16 };
 using Bfloat16 = std::uint16_t;
+enum class Float16 : std::uint16_t {};  // the bits
 
 constexpr std::size_t size_of(Number number) {
   return number == Number::kFloat32 ? 4 : 2;
@@ -76,12 +78,12 @@ struct Kernels {
   // Pixels of one block; to N, or to float32.
   void (*normalise)(const float* in, void* out, std::size_t pixels, const BlockAffine& affine);
   void (*normalise_to_float)(const float* in, float* out, std::size_t pixels, const BlockAffine& affine);
-  // sum of weights[i] in[i] over `count`, of blocks of 16 numbers; to N, from float32 or from bfloat16. `out` may be one of `in`.
+  // sum of weights[i] in[i] over `count`, of blocks of 16 numbers; to N, from float32 or from float16. `out` may be one of `in`.
   void (*pool_float)(const void* const* in, const float* weights, int count, void* out, std::size_t blocks);
-  void (*pool_bfloat)(const void* const* in, const float* weights, int count, void* out, std::size_t blocks);
+  void (*pool_float16)(const void* const* in, const float* weights, int count, void* out, std::size_t blocks);
   void (*picture)(const PictureRow& row);
-  // float32 to bfloat16, to the nearest.
-  void (*shorten)(const float* in, Bfloat16* out, std::size_t blocks);
+  // float32 to float16, to the nearest, ties to even.
+  void (*shorten)(const float* in, Float16* out, std::size_t blocks);
 };
 
 // The fastest float32 kernels that this processor runs.

@@ -94,20 +94,51 @@ LIGHTSTAGE_INLINE void stream(const Vector& v, float* p) {
   }
 }
 
-LIGHTSTAGE_INLINE Vector load(const Bfloat16* p) {
-  return by_parts(
-      [&](int i) { return Part(__builtin_convertvector(read<ShortPart>(p + i * kPartLanes), UintPart) << 16); });
-}
+#if defined(__AVX512BF16__)
 // Rounded to the nearest, ties to even.
 LIGHTSTAGE_INLINE void store(const Vector& v, Bfloat16* p) {
+  const __m256bh halves = _mm512_cvtneps_pbh(v.part[0]);
+  std::memcpy(p, &halves, sizeof halves);
+}
+#endif
+
+LIGHTSTAGE_INLINE Part part_of(ShortPart halves) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_cvtph_ps(0xffff, __m256i(halves));
+#elif defined(__F16C__)
+  return _mm256_cvtph_ps(__m128i(halves));
+#else
+  // The exponent of a half counts from 2^-15, that of a float from 2^-127: the same bits, shifted, mean 2^-112 times the value.
+  const UintPart bits = __builtin_convertvector(halves, UintPart), magnitude = bits & 0x7fff;
+  const UintPart value = UintPart(Part(magnitude << 13) * 0x1p112f);
+  const UintPart infinite = UintPart(magnitude >= 0x7c00) & 0x7f800000;  // and NaN
+  return Part(value | infinite | ((bits & 0x8000) << 16));
+#endif
+}
+// To the nearest, ties to even; |x| <= 65504, or NaN.
+LIGHTSTAGE_INLINE ShortPart halves_of(Part x) {
+#if defined(__AVX512F__)
+  return ShortPart(_mm512_maskz_cvtps_ph(0xffff, x, _MM_FROUND_TO_NEAREST_INT));
+#elif defined(__F16C__)
+  return ShortPart(_mm256_cvtps_ph(x, _MM_FROUND_TO_NEAREST_INT));
+#else
+  const UintPart sign = UintPart(x) & 0x80000000;
+  const UintPart bits = UintPart(Part(UintPart(x) ^ sign) * 0x1p-112f);
+  return __builtin_convertvector(((bits + 0xfff + ((bits >> 13) & 1)) >> 13) | (sign >> 16), ShortPart);
+#endif
+}
+
+LIGHTSTAGE_INLINE Vector load(const Float16* p) {
+  return by_parts([&](int i) { return part_of(read<ShortPart>(p + i * kPartLanes)); });
+}
+LIGHTSTAGE_INLINE void store(const Vector& v, Float16* p) {
+  const Part low = Part{} - 65504.f, high = Part{} + 65504.f;
 #pragma GCC unroll 4
   for (int i = 0; i < kParts; ++i) {
-#if defined(__AVX512BF16__)
-    const __m256bh halves = _mm512_cvtneps_pbh(v.part[i]);
-#else
-    const UintPart bits = UintPart(v.part[i]);
-    const ShortPart halves = __builtin_convertvector((bits + 0x7fff + ((bits >> 16) & 1)) >> 16, ShortPart);
-#endif
+    Part x = v.part[i];
+    x = x < low ? low : x;
+    x = x > high ? high : x;
+    const ShortPart halves = halves_of(x);
     std::memcpy(p + i * kPartLanes, &halves, sizeof halves);
   }
 }

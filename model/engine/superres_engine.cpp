@@ -1,5 +1,6 @@
 #include "model/engine/superres_engine.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "core/error.h"
@@ -11,7 +12,7 @@ namespace {
 // sum += weight * map
 void accumulate(FeatureMap& sum, const FeatureMap& map, float weight) {
   const Kernels& kernels = float_kernels();
-  const auto scale = map.number() == Number::kFloat32 ? kernels.pool_float : kernels.pool_bfloat;
+  const auto scale = map.number() == Number::kFloat32 ? kernels.pool_float : kernels.pool_float16;
   constexpr std::size_t kRows = 8;
   core::parallel_for(std::size_t(map.height()), kRows, [&](std::size_t first, std::size_t last) {
     std::vector<float> scaled(std::size_t(map.width()) * kLanes);
@@ -28,14 +29,6 @@ void accumulate(FeatureMap& sum, const FeatureMap& map, float weight) {
       }
     }
   });
-}
-
-std::size_t bytes_of_encoding(const Encoder& encoder, core::ImageSize size, Number storage) {
-  std::size_t bytes = 0;
-  for (std::size_t level = 0; level < encoder.levels(); ++level) {
-    bytes += encoder.level_shape(level, size, storage).bytes();
-  }
-  return bytes;
 }
 
 // Memory that does not hold an active set would be written over before it is read.
@@ -63,9 +56,9 @@ SuperresEngine::SuperresEngine(const SuperresWeights& weights, core::ImageSize s
       options_(options),
       encoder_(weights),
       decoder_(weights, kernels_for(options.products), options.decoder),
-      holds_active_set_(bytes_of_encoding(encoder_, size, options.storage) <=
-                        options.budget.memory_bytes / std::size_t(weights.neighbours)),
-      holds_one_(bytes_of_encoding(encoder_, size, options.storage) <= options.budget.spill_bytes),
+      holds_active_set_(encoding_bytes(weights.channels, size, options.storage) <=
+                        options.budget.memory_bytes / std::min(std::size_t(weights.neighbours), lights_.size())),
+      holds_one_(encoding_bytes(weights.channels, size, options.storage) <= options.budget.spill_bytes),
       cache_(usable(options.budget, holds_active_set_)) {}
 
 EncodingCache::Pointer SuperresEngine::encoding(std::size_t light) const {

@@ -17,9 +17,10 @@
 namespace lightstage::model {
 
 struct EngineOptions {
-  // What convolutions multiply; sums are float32 always. kBfloat16 throws UsageError where the processor has no instructions for it.
+  // What convolutions multiply, kFloat32 or kBfloat16; sums are float32 always. kBfloat16 throws UsageError where the processor has no
+  // instructions for it.
   Number products = Number::kFloat32;
-  // What encodings are kept in.
+  // What encodings are kept in, kFloat32 or kFloat16; the latter works on every processor.
   Number storage = Number::kFloat32;
   EncodingBudget budget;
   DecoderOptions decoder;

@@ -68,7 +68,7 @@ BENCHMARK_CAPTURE(decode, float32, Number::kFloat32, Number::kFloat32, kNoLimit)
     ->Arg(1024)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(decode, float32_stored_bfloat16, Number::kFloat32, Number::kBfloat16, kNoLimit)
+BENCHMARK_CAPTURE(decode, float32_stored_float16, Number::kFloat32, Number::kFloat16, kNoLimit)
     ->Arg(1024)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
@@ -76,7 +76,7 @@ BENCHMARK_CAPTURE(decode, float32_last_map_twice, Number::kFloat32, Number::kFlo
     ->Arg(1024)
     ->UseRealTime()
     ->Unit(benchmark::kMillisecond);
-BENCHMARK_CAPTURE(decode, bfloat16, Number::kBfloat16, Number::kBfloat16, kNoLimit)
+BENCHMARK_CAPTURE(decode, bfloat16, Number::kBfloat16, Number::kFloat16, kNoLimit)
     ->Arg(256)
     ->Arg(512)
     ->Arg(1024)

@@ -75,5 +75,55 @@ TEST_CASE("inside the mask's box the picture is the network's, outside it is lin
   }
 }
 
+TEST_CASE("the memory for images and encodings decides how often images are read, not the picture") {
+  const core::ImageSize size{32, 24, 3};
+  const std::vector<core::Direction> directions = core::fibonacci_directions(40);
+  std::vector<core::Light> lights;
+  for (const core::Direction& d : directions) lights.push_back({d, {}, {1, 1, 1}});
+  Image mask(size.height, size.width, 1);
+  for (int y = 4; y < 30; ++y) {
+    for (int x = 3; x < 20; ++x) mask(y, x) = 1;
+  }
+  int reads = 0;
+  const core::OlatScan scan("synthetic", lights, size, mask, [&](std::size_t light) {
+    ++reads;
+    return test::picture_of(size, directions[light], test::matt_ball(size));
+  });
+  const model::SuperresNetwork network(kConfig, 4);
+  scan.exposure();
+
+  std::vector<core::Direction> queries;
+  for (int i = 0; i < 12; ++i) queries.push_back(core::Direction::from_vector({0.02 * i, 0.3, 0.8}));
+  std::vector<Image> expected;
+  const std::size_t image_bytes = size.value_count() * sizeof(float);
+  const std::size_t encoding = model::encoding_bytes(kConfig.channels, {32, 24, 3}, model::Number::kFloat32);
+  struct Case {
+    std::size_t memory, spill;
+    int fewest, most;  // reads of images
+  };
+  const std::size_t enough = 40 * (image_bytes + encoding), set = 6 * (image_bytes + encoding);
+  for (const Case& c : {Case{enough, 0, 6, 40},  // every image once
+                        Case{set, 0, 6, 40},     // the queries' lights hardly change
+                        Case{set - 1, 0, 12 * 2 * 5, 12 * 2 * 6},
+                        Case{0, 0, 12 * 2 * 5, 12 * 2 * 6},  // for its encoding, and for what is outside the mask
+                        Case{0, std::size_t(1) << 30, 12 * 5, 12 * 6 + 40}}) {  // for what is outside the mask
+    CAPTURE(c.memory, c.spill);
+    const auto interpolator =
+        model::make_engine_interpolator(scan, network, {.budget = {.memory_bytes = c.memory, .spill_bytes = c.spill}});
+    reads = 0;
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      const Image picture = interpolator->render(queries[i]);
+      if (expected.size() < queries.size()) {
+        expected.push_back(picture);
+      } else {
+        for (std::size_t j = 0; j < picture.values().size(); ++j)
+          REQUIRE(picture.values()[j] == Approx(expected[i].values()[j]).margin(1e-5));
+      }
+    }
+    CHECK(reads >= c.fewest);
+    CHECK(reads <= c.most);
+  }
+}
+
 }  // namespace
 }  // namespace lightstage

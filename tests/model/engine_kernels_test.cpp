@@ -90,6 +90,43 @@ TEST_CASE("runs of every length and instruction set are the transposed convoluti
   }
 }
 
+// The nearest half-precision number, of two equally near ones the even one, by its definition.
+float nearest_half(float value) {
+  const double x = std::min(65504.0, std::abs(double(value)));
+  const int exponent = x == 0 ? -14 : std::max(-14, std::ilogb(x));
+  const double unit = std::ldexp(1.0, exponent - 10);
+  return float(std::copysign(std::min(65504.0, std::nearbyint(x / unit) * unit), double(value)));
+}
+
+TEST_CASE("every instruction set stores the nearest half-precision number") {
+  std::vector<float> values{0.f, -0.f, 1.f, 65504.f, 65519.f, 65520.f, 1e6f, -1e6f, 1e38f, INFINITY, -INFINITY, 1e-40f};
+  for (int exponent = -27; exponent <= 16; ++exponent) {
+    for (const float mantissa :
+         {1.f, 1.f + 0x1p-11f, 1.f + 0x1p-10f, 1.f + 0x3p-11f, 1.f + 0x1p-11f + 0x1p-20f, 1.999f})
+      values.push_back((exponent % 2 == 0 ? 1.f : -1.f) * std::ldexp(mantissa, exponent));
+  }
+  for (const float v : random_values(4096, 9)) values.push_back(8 * v);
+  values.resize((values.size() + kLanes - 1) / kLanes * kLanes, 0.f);
+  for (const model::Kernels* kernels : model::all_float_kernels()) {
+    CAPTURE(kernels->name);
+    std::vector<model::Float16> halves(values.size());
+    kernels->shorten(values.data(), halves.data(), values.size() / kLanes);
+    std::vector<float> back(values.size());
+    const void* const in[] = {halves.data()};
+    const float one = 1;
+    kernels->pool_float16(in, &one, 1, back.data(), values.size() / kLanes);
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      CAPTURE(values[i]);
+      REQUIRE(back[i] == nearest_half(values[i]));
+    }
+
+    std::vector<float> nans(kLanes, NAN);
+    kernels->shorten(nans.data(), halves.data(), 1);
+    kernels->pool_float16(in, &one, 1, back.data(), 1);
+    for (int lane = 0; lane < kLanes; ++lane) CHECK(std::isnan(back[std::size_t(lane)]));
+  }
+}
+
 TEST_CASE("group norm keeps the variance of maps far from zero") {
   // All channels at `mean`, half of the pixels `step` above it: variance step^2 / 4.
   const double mean = GENERATE(0.0, 1.0, 1e3), step = GENERATE(0.0, 0.25);
