@@ -16,6 +16,7 @@
 #include "model/engine/network_weights.h"
 #include "model/engine/straightforward.h"
 #include "model/engine/superres_engine.h"
+#include "model/net/adam.h"
 #include "model/net/pixels.h"
 #include "model/net/superres_network.h"
 
@@ -110,11 +111,11 @@ std::size_t peak_rss_bytes() {
 }
 
 // One step each: prediction, L1, gradients, Adam.
-template <class Predict>
-double steps_per_second(std::vector<Tensor> parameters, const Tensor& truth, const Predict& predict) {
-  torch::optim::Adam optimiser(std::move(parameters), torch::optim::AdamOptions(1e-3));
+template <class Adam, class Predict>
+double steps_per_second(const std::vector<Tensor>& parameters, const Tensor& truth, const Predict& predict) {
+  Adam optimiser(parameters, torch::optim::AdamOptions(1e-3));
   const auto step = [&] {
-    optimiser.zero_grad();
+    for (Tensor parameter : parameters) parameter.mutable_grad().reset();
     torch::l1_loss(predict(), truth).backward();
     optimiser.step();
   };
@@ -197,15 +198,15 @@ EngineBench bench_engine(const NetworkConfig& config, int size) {
   const Tensor last = crop.contiguous(at::MemoryFormat::ChannelsLast), rows = crop.contiguous();
   const Tensor truth = last.slice(0, 0, 1).contiguous();
   const StraightforwardSuperres straightforward(network);
-  bench.straightforward_train_steps_per_s = steps_per_second(straightforward.parameters(), truth, [&] {
-    return straightforward.predict(rows, network.active_set(query, lights, active, spacing));
-  });
+  bench.straightforward_train_steps_per_s = steps_per_second<torch::optim::Adam>(
+      straightforward.parameters(), truth,
+      [&] { return straightforward.predict(rows, network.active_set(query, lights, active, spacing)); });
 
   // From here on memory is handled as training handles it, which plain libtorch does not do for itself.
   prepare_torch();
   std::vector<Tensor> parameters;
   for (const auto& [name, tensor] : network.parameters()) parameters.push_back(tensor);
-  bench.train_steps_per_s = steps_per_second(
+  bench.train_steps_per_s = steps_per_second<OnePassAdam>(
       parameters, truth, [&] { return network.predict(last, {}, network.active_set(query, lights, active, spacing)); });
   const torch::NoGradGuard no_gradients;
   bench.roofline_gflops = roofline_gflops(config, size);

@@ -18,6 +18,7 @@
 #include "core/progress.h"
 #include "core/text.h"
 #include "core/version.h"
+#include "model/net/adam.h"
 #include "model/net/loss_curve.h"
 #include "model/net/network.h"
 #include "model/net/network_file.h"
@@ -99,7 +100,7 @@ class Run {
   fs::path out_;
   Json settings_;
   std::unique_ptr<Network> network_;
-  torch::optim::Adam optimiser_;
+  OnePassAdam optimiser_;
   std::unique_ptr<TrainingData> data_;
   TrainingState state_;
   double seconds_before_ = 0;  // of the runs that this one resumes

@@ -7,6 +7,7 @@
 #pragma pop_macro("CHECK")
 
 #include "core/display.h"
+#include "core/parallel.h"
 #include "core/sphere.h"
 #include "model/engine/engine_interpolator.h"
 #include "model/net/pixels.h"
@@ -38,7 +39,8 @@ TEST_CASE("inside the mask's box the picture is the network's, outside it is lin
                                    {37, 53, 1, 11, 20, 26, 33},  // up to the corner, so the window reaches out
                                    {16, 24, 3, 0, 0, 16, 24},    // everything
                                    {9, 7, 3, 4, 3, 1, 1}}));     // one pixel
-  CAPTURE(m.height, m.width, m.mask_height);
+  const int neighbours = GENERATE(1, 6, 16);
+  CAPTURE(m.height, m.width, m.mask_height, neighbours);
   Image mask(m.height, m.width, 1);
   for (int y = 0; y < m.mask_height; ++y) {
     for (int x = 0; x < m.mask_width; ++x) mask(m.top + y, m.left + x) = 1;
@@ -49,15 +51,18 @@ TEST_CASE("inside the mask's box the picture is the network's, outside it is lin
     return 0.3 + 0.25 * std::sin(0.4 * x + 3 * light.x()) * std::cos(0.3 * y + c + 2 * light.y());
   };
   const core::OlatScan scan = test::scan_of(lights, size, glow, mask);
-  const model::SuperresNetwork network(kConfig, 4);
+  model::NetworkConfig config = kConfig;
+  config.neighbours = neighbours;
+  const model::SuperresNetwork network(config, 4);
   const auto interpolator = model::make_engine_interpolator(scan, network, {});
   CHECK(interpolator->name() == "superres");
   CHECK(interpolator->linear_weights(lights[3]).empty());
 
   for (const core::Direction& query : {core::Direction::from_vector({0.1, 0.5, 0.7}), lights[17]}) {
     const torch::NoGradGuard no_gradients;
-    const model::ActiveSet set = network.active_set(query, lights, core::nearest_indices(lights, query, 6),
-                                                    core::median_spacing_radians(lights));
+    const model::ActiveSet set =
+        network.active_set(query, lights, core::nearest_indices(lights, query, std::size_t(neighbours)),
+                           core::median_spacing_radians(lights));
     const Tensor images = displays(scan, set.lights);
     const model::Window window =
         model::rounded_up({m.top, m.left, m.mask_height, m.mask_width}, network.size_multiple());
@@ -66,8 +71,12 @@ TEST_CASE("inside the mask's box the picture is the network's, outside it is lin
         .copy_(model::cut(network.predict(model::cut(images, window), {}, set), {0, 0, m.mask_height, m.mask_width}));
     const Image linear = model::from_display(expected, scan.exposure(), m.channels);
 
+    core::set_thread_count(1);
     const Image picture = interpolator->render(query);
     REQUIRE(picture.size() == size);
+    core::set_thread_count(3);
+    CHECK(interpolator->render(query) == picture);
+    core::set_thread_count(0);
     for (std::size_t i = 0; i < picture.values().size(); ++i) {
       REQUIRE(core::display_encode(picture.values()[i]) ==
               Approx(core::display_encode(linear.values()[i])).margin(1e-4));

@@ -196,6 +196,19 @@ TEST_CASE("bfloat16 products and float16 encodings stay within their stated accu
   }
 }
 
+TEST_CASE("16-bit numbers stay within their stated accuracy at every size and number of neighbours") {
+  const auto [height, width] = GENERATE(table<int, int>({{8, 8}, {8, 72}, {56, 40}, {104, 8}}));
+  const Scene scene(kOdd, height, width);
+  for (const std::size_t k : {1, 2, 7, 16}) {
+    CAPTURE(height, width, k);
+    const Image expected = scene.by_network(k);
+    CHECK(largest_difference(scene.by_engine(k, {.storage = Number::kFloat16}), expected) < 1e-3);
+    if (model::bfloat_kernels() == nullptr) continue;
+    const Image multiplied = scene.by_engine(k, {.products = Number::kBfloat16, .storage = Number::kFloat16});
+    CHECK(largest_difference(multiplied, expected) < 1e-2);
+  }
+}
+
 TEST_CASE("the engine's picture is the same bit by bit for every thread count") {
   const Scene scene(kWide, 112, 80);
   for (const Number products : {Number::kFloat32, Number::kBfloat16}) {
