@@ -5,7 +5,9 @@
 #include <list>
 #include <mutex>
 #include <optional>
+#include <utility>
 
+#include "core/display.h"
 #include "core/error.h"
 #include "core/parallel.h"
 
@@ -60,12 +62,15 @@ struct OlatScan::Source {
   std::string name;
   std::vector<Light> lights;
   ImageSize image_size;
-  Image mask;
+  std::shared_ptr<const Image> mask;
   std::size_t masked_pixel_count = 0;
   Loader loader;
 
   std::mutex exposure_mutex;
   std::optional<double> exposure;
+
+  std::mutex encoded_mutex;
+  std::weak_ptr<ImageCache> encoded;  // of the display-encoded scan
 
   double compute_exposure(ImageCache& images) const;
 };
@@ -74,13 +79,18 @@ class OlatScan::ImageCache {
  public:
   using ImagePointer = std::shared_ptr<const Image>;
 
-  ImageCache(std::shared_ptr<const Source> source, std::size_t bytes)
+  ImageCache(std::shared_ptr<Source> source, std::size_t bytes)
       : source_(std::move(source)),
+        bytes_(bytes),
         most_images_(bytes / (source_->image_size.value_count() * sizeof(float))),
         slots_(source_->lights.size()) {}
 
+  const std::shared_ptr<Source>& source() const { return source_; }
+  std::size_t bytes() const { return bytes_; }
   std::size_t most_images() const { return most_images_; }
   ImagePointer image(std::size_t index);
+  // The image, which is not kept any longer.
+  ImagePointer take(std::size_t index);
 
  private:
   struct Slot {
@@ -91,7 +101,8 @@ class OlatScan::ImageCache {
   ImagePointer load(std::size_t index) const;
   void keep(std::size_t index, const ImagePointer& image);
 
-  std::shared_ptr<const Source> source_;
+  std::shared_ptr<Source> source_;
+  std::size_t bytes_;
   std::size_t most_images_;
   std::mutex mutex_;
   std::vector<Slot> slots_;
@@ -134,6 +145,18 @@ OlatScan::ImageCache::ImagePointer OlatScan::ImageCache::image(std::size_t index
   }
 }
 
+OlatScan::ImageCache::ImagePointer OlatScan::ImageCache::take(std::size_t index) {
+  {
+    const std::lock_guard lock(mutex_);
+    Slot& slot = slots_[index];
+    if (slot.image != nullptr) {
+      recently_used_.erase(slot.place);
+      return std::exchange(slot.image, nullptr);
+    }
+  }
+  return load(index);
+}
+
 OlatScan::ImageCache::ImagePointer OlatScan::ImageCache::load(std::size_t index) const {
   auto image = std::make_shared<const Image>(source_->loader(index));
   if (image->size() != source_->image_size)
@@ -173,7 +196,7 @@ double OlatScan::Source::compute_exposure(ImageCache& images) const {
     exchange();
     for (int y = 0; y < image_size.height; ++y) {
       for (int x = 0; x < image_size.width; ++x) {
-        if (!(mask(y, x) > 0.5f)) continue;
+        if (!((*mask)(y, x) > 0.5f)) continue;
         const float* p = picture->pixel(y, x);
         for (int c = 0; c < image_size.channels; ++c)
           if (p[c] >= threshold) candidates.push_back(p[c]);
@@ -218,7 +241,7 @@ OlatScan::OlatScan(std::string name, std::vector<Light> lights, ImageSize image_
   source_->name = std::move(name);
   source_->lights = std::move(lights);
   source_->image_size = image_size;
-  source_->mask = std::move(mask);
+  source_->mask = std::make_shared<const Image>(std::move(mask));
   source_->masked_pixel_count = static_cast<std::size_t>(inside);
   source_->loader = std::move(loader);
   images_ = std::make_shared<ImageCache>(source_, cache_bytes);
@@ -237,7 +260,7 @@ ImageSize OlatScan::image_size() const {
   return source_->image_size;
 }
 const Image& OlatScan::mask() const {
-  return source_->mask;
+  return *source_->mask;
 }
 std::size_t OlatScan::masked_pixel_count() const {
   return source_->masked_pixel_count;
@@ -274,6 +297,35 @@ OlatScan OlatScan::with_lights(std::span<const std::size_t> light_indices) const
     chosen.directions_.push_back(directions_[i]);
   }
   return chosen;
+}
+
+OlatScan OlatScan::display_encoded() const {
+  const double shown_as_one = exposure();
+  OlatScan encoded = *this;
+  const std::lock_guard lock(source_->encoded_mutex);
+  encoded.images_ = source_->encoded.lock();
+  if (encoded.images_ == nullptr) {
+    const auto source = std::make_shared<Source>();
+    source->name = source_->name;
+    source->lights = source_->lights;
+    source->image_size = source_->image_size;
+    source->mask = source_->mask;
+    source->masked_pixel_count = source_->masked_pixel_count;
+    source->exposure = 1;
+    source->loader = [images = images_, shown_as_one](std::size_t light_index) {
+      Image image = *images->take(light_index);
+      for (float& v : image.values()) v = display_encode(static_cast<float>(v / shown_as_one));
+      return image;
+    };
+    encoded.images_ = std::make_shared<ImageCache>(source, images_->bytes());
+    source_->encoded = encoded.images_;
+  }
+  encoded.source_ = encoded.images_->source();
+  return encoded;
+}
+
+std::size_t OlatScan::images_kept() const {
+  return images_->most_images();
 }
 
 OlatScan OlatScan::with_cache(std::size_t bytes) const {

@@ -51,6 +51,14 @@ class OlatScan {
   // subsampling).
   OlatScan with_lights(std::span<const std::size_t> light_indices) const;
 
+  // This scan with display-encoded images, display_encode(v / exposure()) (core/display.h), so that negative light counts as none; its exposure() is
+  // 1. All copies of a scan, with whatever lights, share these images for as long as one scan of them lives; they take as much memory as the
+  // cache of the scan they were first asked from, which in turn gives up what is encoded.
+  OlatScan display_encoded() const;
+
+  // How many images stay in memory at a time.
+  std::size_t images_kept() const;
+
   // This scan with an image cache of its own, of at most so many bytes (0: every image is read each time), empty at first; mask and exposure
   // are shared.
   OlatScan with_cache(std::size_t bytes) const;

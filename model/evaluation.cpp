@@ -104,6 +104,8 @@ std::vector<MethodScore> evaluate_held_out(const core::OlatScan& scan, std::span
   if (scan.light_count() < 2)
     throw core::UsageError("scan '" + scan.name() + "' has one light: none can be left out and predicted");
   const std::size_t step = std::size_t(every);
+  // Held, so that methods fitted anew for every light need not encode the others anew.
+  const core::OlatScan encoded = scan.display_encoded();
   const Judge judge(scan, options);
   std::vector<Tally> tallies(methods.size());
   core::Progress progress("evaluate", ((scan.light_count() - 1) / step + 1) * methods.size());

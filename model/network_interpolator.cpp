@@ -20,6 +20,7 @@ class BlendInterpolator : public LightInterpolator {
  public:
   BlendInterpolator(const core::OlatScan& scan, std::unique_ptr<Network> network)
       : scan_(scan),
+        encoded_(scan.display_encoded()),
         network_(std::move(network)),
         guide_(make_rbf(scan, Domain::kDisplay)),
         spacing_(core::median_spacing_radians(scan.directions())),
@@ -33,7 +34,7 @@ class BlendInterpolator : public LightInterpolator {
   core::Image render(const core::Direction& query) const override;
 
  private:
-  core::OlatScan scan_;
+  core::OlatScan scan_, encoded_;
   std::unique_ptr<Network> network_;
   std::unique_ptr<LightInterpolator> guide_;
   double spacing_;
@@ -50,7 +51,7 @@ core::Image BlendInterpolator::render(const core::Direction& query) const {
 
   std::vector<Tensor> images;
   for (const std::size_t light : set.lights) {
-    images.push_back(cut(to_display(*scan_.image(light), exposure), window_));
+    images.push_back(cut(display_tensor(*encoded_.image(light)), window_));
   }
   const Tensor guide = to_display(guide_->render(query), exposure).unsqueeze(0);
   const Tensor inside = network_->predict(torch::stack(images), cut(guide, window_), set);

@@ -126,7 +126,7 @@ void Run::start() {
     return;
   }
   state_.guide_validation = validation([](const Example& example) { return example.guide; });
-  state_.best_validation = validation();
+  state_.best_validation = state_.first_validation = validation();
   save_network(out_, *network_, provenance(state_.best_validation));
   save();
 }
@@ -231,8 +231,9 @@ bool Run::out_of_patience() const {
 }
 
 void Run::write_curve() const {
-  core::write_file_atomically(with_ending(out_, ".csv"), loss_curve_csv(state_.curve, state_.guide_validation));
-  core::write_image(with_ending(out_, ".png"), draw_loss_curve(state_.curve, state_.guide_validation),
+  core::write_file_atomically(with_ending(out_, ".csv"), loss_curve_csv(state_.curve, state_.first_validation));
+  core::write_image(with_ending(out_, ".png"),
+                    draw_loss_curve(state_.curve, state_.first_validation, state_.guide_validation),
                     {.pixel_type = core::PixelType::kUint8, .encoding = core::Encoding::kLinear});
 }
 

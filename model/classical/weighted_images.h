@@ -17,7 +17,7 @@ class WeightedImages : public LightInterpolator {
   using Weights = std::function<std::vector<double>(const core::Direction& query)>;
 
   // In Domain::kDisplay the sum is of display-encoded values (relative to the scan's exposure, negative light
-  // counts as none), which is then decoded. Encoded copies are made when first needed and kept up to 4 GB.
+  // counts as none), which is then decoded (core::OlatScan::display_encoded).
   WeightedImages(std::string name, const core::OlatScan& scan, Domain domain, Weights weights);
 
   std::string_view name() const override { return name_; }

@@ -120,8 +120,8 @@ class Plot {
 
 }  // namespace
 
-std::string loss_curve_csv(std::span<const LossPoint> curve, double guide_validation) {
-  std::string text = "step,seconds,train_l1,validation_l1,level\n0,0,," + core::number_text(guide_validation) + ",0\n";
+std::string loss_curve_csv(std::span<const LossPoint> curve, double first_validation) {
+  std::string text = "step,seconds,train_l1,validation_l1,level\n0,0,," + core::number_text(first_validation) + ",0\n";
   for (const LossPoint& p : curve) {
     text += std::to_string(p.step) + "," + core::number_text(p.seconds, 6) + "," + core::number_text(p.train) + "," +
             core::number_text(p.validation) + "," + core::number_text(p.level, 4) + "\n";
@@ -129,7 +129,7 @@ std::string loss_curve_csv(std::span<const LossPoint> curve, double guide_valida
   return text;
 }
 
-core::Image draw_loss_curve(std::span<const LossPoint> curve, double guide_validation) {
+core::Image draw_loss_curve(std::span<const LossPoint> curve, double first_validation, double guide_validation) {
   double lowest = std::numeric_limits<double>::infinity(), highest = 0;
   const auto drawable = [&](double error) {
     if (!std::isfinite(error) || !(error > 0)) return false;
@@ -138,6 +138,7 @@ core::Image draw_loss_curve(std::span<const LossPoint> curve, double guide_valid
     return true;
   };
   std::vector<std::pair<double, double>> train, validation;
+  if (drawable(first_validation)) validation.emplace_back(0.0, first_validation);
   for (const LossPoint& point : curve) {
     if (drawable(point.train)) train.emplace_back(double(point.step), point.train);
     if (drawable(point.validation)) validation.emplace_back(double(point.step), point.validation);

@@ -4,6 +4,7 @@
 #include <malloc.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/parallel.h"
 
@@ -48,6 +49,12 @@ Tensor to_display(core::ImageView linear, double exposure) {
   const Tensor values = torch::from_blob(rgb.values().data(), {rgb.height(), rgb.width(), 3});
   const Tensor relative = (values.to(torch::kFloat64) / exposure).clamp(0, kBrightest).to(torch::kFloat32);
   return relative.pow(1 / kGamma).permute({2, 0, 1});
+}
+
+Tensor display_tensor(core::ImageView encoded) {
+  core::Image rgb = core::to_rgb(encoded);
+  const Tensor values = torch::from_blob(rgb.values().data(), {rgb.height(), rgb.width(), 3});
+  return values.clamp(0, std::pow(kBrightest, 1 / kGamma)).permute({2, 0, 1});
 }
 
 core::Image from_display(const Tensor& display, double exposure, int channels) {

@@ -20,6 +20,8 @@ Window rounded_up(const Window& window, int multiple);
 // Display-encoded values, max(v / exposure, 0)^(1/2.2) (core/display.h), [3, h, w] in channels_last memory: grey is repeated, alpha
 // dropped. Finite for all finite pixels and every exposure > 0: relative values stop at 1e30.
 torch::Tensor to_display(core::ImageView linear, double exposure);
+// The same of values that are encoded already (core::OlatScan::display_encoded).
+torch::Tensor display_tensor(core::ImageView encoded);
 // Back, for [1, 3, h, w] or [3, h, w]: linear values with 3 channels, or with 1, the mean of the three.
 core::Image from_display(const torch::Tensor& display, double exposure, int channels);
 

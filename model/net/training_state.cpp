@@ -13,7 +13,7 @@ using Json = nlohmann::json;
 using AdamState = torch::optim::AdamParamState;
 using torch::Tensor;
 
-constexpr const char* kFormat = "lightstage-training-2";
+constexpr const char* kFormat = "lightstage-training-3";
 
 // torch keeps an optimiser's state by this key.
 std::string key_of(const Tensor& parameter) {
@@ -28,6 +28,7 @@ Json to_json(const TrainingState& state) {
           {"loss_sum", state.loss_sum},
           {"loss_count", state.loss_count},
           {"guide_validation", state.guide_validation},
+          {"first_validation", state.first_validation},
           {"best_validation", state.best_validation},
           {"curve", curve}};
 }
@@ -39,6 +40,7 @@ TrainingState from_json(const Json& json) {
   json.at("loss_sum").get_to(state.loss_sum);
   json.at("loss_count").get_to(state.loss_count);
   json.at("guide_validation").get_to(state.guide_validation);
+  json.at("first_validation").get_to(state.first_validation);
   json.at("best_validation").get_to(state.best_validation);
   for (const Json& p : json.at("curve")) state.curve.push_back({p.at(0), p.at(1), p.at(2), p.at(3), p.at(4)});
   return state;

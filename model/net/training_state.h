@@ -19,6 +19,7 @@ struct TrainingState {
   double loss_sum = 0;  // of the steps since the last point of the curve
   std::int64_t loss_count = 0;
   double guide_validation = 0;
+  double first_validation = 0;  // before the first step
   double best_validation = 0;
   std::vector<LossPoint> curve;
 };

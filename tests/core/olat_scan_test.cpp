@@ -7,6 +7,7 @@
 #include <random>
 #include <thread>
 
+#include "core/display.h"
 #include "core/error.h"
 #include "core/failure.h"
 #include "core/parallel.h"
@@ -197,6 +198,48 @@ TEST_CASE("a scan with a cache of its own shares all but images") {
   CHECK(s.scan.exposure() == uncached.exposure());
   CHECK(s.counts() == counts);
   CHECK(small.with_lights(std::vector<std::size_t>{3, 0}).exposure() == uncached.exposure());
+}
+
+TEST_CASE("display-encoded images are made once for all copies of a scan, which give the others up") {
+  const Counted s(4);
+  const double exposure = s.scan.exposure();
+  const auto expected = [&](std::size_t i) {
+    Image image = picture(i, kSize);
+    for (float& v : image.values()) v = core::display_encode(static_cast<float>(v / exposure));
+    return image;
+  };
+  const std::vector<int> read = s.counts();
+  {
+    const OlatScan encoded = s.scan.display_encoded();
+    CHECK(encoded.exposure() == 1);
+    CHECK(encoded.directions() == s.scan.directions());
+    CHECK(encoded.masked_pixel_count() == s.scan.masked_pixel_count());
+    CHECK(*encoded.image(2) == expected(2));
+    CHECK(s.counts() == read);  // what was cached is taken over
+    const std::vector<std::size_t> chosen{3, 2};
+    const OlatScan fewer = s.scan.with_lights(chosen).display_encoded();
+    CHECK(fewer.image(1) == encoded.image(2));
+    CHECK(fewer.image(0) == encoded.with_lights(chosen).image(0));
+    CHECK(*s.scan.image(2) == picture(2, kSize));  // read again
+    CHECK(s.counts()[2] == read[2] + 1);
+    CHECK(*encoded.image(2) == expected(2));
+    CHECK(s.counts()[2] == read[2] + 1);
+  }
+  CHECK(*s.scan.display_encoded().image(2) == expected(2));  // made anew: nobody held it
+}
+
+TEST_CASE("display-encoded images take no more memory than the scan's own may") {
+  const Counted s(4, 2 * kBytes);
+  CHECK(s.scan.images_kept() == 2);
+  const OlatScan encoded = s.scan.display_encoded();
+  CHECK(encoded.images_kept() == 2);
+  for (std::size_t i = 0; i < 4; ++i) encoded.image(i);
+  const std::vector<int> read = s.counts();
+  encoded.image(3);
+  encoded.image(2);
+  CHECK(s.counts() == read);
+  encoded.image(0);
+  CHECK(s.counts()[0] == read[0] + 1);
 }
 
 TEST_CASE("exposure holds no more images at a time than may be cached") {

@@ -176,7 +176,7 @@ TEST_CASE("a training state that is damaged or of another run is not resumed") {
   CHECK_THAT(resume(good.substr(0, good.size() - 4)), Contains("net.state"));
   CHECK_THAT(resume(good.substr(0, 100)), Contains("net.state"));
   CHECK_THAT(resume(""), Contains("net.state"));
-  CHECK_THAT(with("lightstage-training-2", "lightstage-training-1"), Contains("not the state"));
+  CHECK_THAT(with("lightstage-training-3", "lightstage-training-2"), Contains("not the state"));
   CHECK_THAT(with(R"(\"step\":1)", R"(\"step\":{})"), Contains("damaged"));
   CHECK_THAT(with(R"(\"adam_steps\")", R"(\"adam_stops\")"), Contains("damaged"));
   CHECK_THAT(with(R"(\"seed\":1)", R"(\"seed\":2)"), Contains("other settings"));

@@ -315,7 +315,7 @@ TEST_CASE("a run leaves the best and the last weights, and its curve as numbers 
   CHECK(picture.width() > 600);
   CHECK(darkest < 0.1f);
   const std::string csv = core::read_text_file(folder / "net.safetensors.csv");
-  CHECK(csv.starts_with("step,seconds,train_l1,validation_l1,level\n"));
+  CHECK(csv.starts_with("step,seconds,train_l1,validation_l1,level\n0,0,,"));
   CHECK(std::count(csv.begin(), csv.end(), '\n') == 2 + std::ptrdiff_t(report.curve.size()));
 }
 
@@ -325,7 +325,7 @@ TEST_CASE("the picture of a curve is drawn whatever the numbers") {
     return model::LossPoint{step, 1, train, validation, 0};
   };
   const auto dark_pixels = [](const std::vector<model::LossPoint>& curve, double guide) {
-    const core::Image picture = model::draw_loss_curve(curve, guide);
+    const core::Image picture = model::draw_loss_curve(curve, guide, guide);
     return std::count_if(picture.values().begin(), picture.values().end(), [](float v) { return v < 0.5f; });
   };
   const auto axes = dark_pixels({}, nan);
