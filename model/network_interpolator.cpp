@@ -1,5 +1,6 @@
 #include "model/network_interpolator.h"
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -7,7 +8,7 @@
 #include "core/sphere.h"
 #include "model/classical.h"
 #include "model/engine/engine_interpolator.h"
-#include "model/net/network.h"
+#include "model/net/blend_network.h"
 #include "model/net/network_file.h"
 #include "model/net/pixels.h"
 
@@ -18,14 +19,15 @@ using torch::Tensor;
 
 class BlendInterpolator : public LightInterpolator {
  public:
-  BlendInterpolator(const core::OlatScan& scan, std::unique_ptr<Network> network)
+  BlendInterpolator(const core::OlatScan& scan, std::unique_ptr<const BlendNetwork> network)
       : scan_(scan),
         encoded_(scan.display_encoded()),
         network_(std::move(network)),
         guide_(make_rbf(scan, Domain::kDisplay)),
         spacing_(core::median_spacing_radians(scan.directions())),
         mask_window_(bounding_window(scan.mask())),
-        window_(rounded_up(mask_window_, network_->size_multiple())) {
+        coarseness_(BlendNetwork::coarseness(std::max(mask_window_.height, mask_window_.width))),
+        window_(rounded_up(mask_window_, coarseness_ * network_->size_multiple())) {
     prepare_torch();
   }
 
@@ -35,11 +37,12 @@ class BlendInterpolator : public LightInterpolator {
 
  private:
   core::OlatScan scan_, encoded_;
-  std::unique_ptr<Network> network_;
+  std::unique_ptr<const BlendNetwork> network_;
   std::unique_ptr<LightInterpolator> guide_;
   double spacing_;
   Window mask_window_;
-  Window window_;  // mask_window_, grown to the sizes that the network takes
+  int coarseness_;  // so that the subject has the size of those in training
+  Window window_;   // mask_window_, grown to the sizes that the network takes
 };
 
 core::Image BlendInterpolator::render(const core::Direction& query) const {
@@ -54,7 +57,7 @@ core::Image BlendInterpolator::render(const core::Direction& query) const {
     images.push_back(cut(display_tensor(*encoded_.image(light)), window_));
   }
   const Tensor guide = to_display(guide_->render(query), exposure).unsqueeze(0);
-  const Tensor inside = network_->predict(torch::stack(images), cut(guide, window_), set);
+  const Tensor inside = network_->predict(torch::stack(images), cut(guide, window_), set, coarseness_);
 
   Tensor picture = guide.clone();  // outside the mask's window
   cut(picture, mask_window_).copy_(cut(inside, {0, 0, mask_window_.height, mask_window_.width}).clamp_min(0));
@@ -74,7 +77,8 @@ std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatSca
          .storage = options.bfloat16 || options.half_storage ? Number::kFloat16 : Number::kFloat32,
          .budget = {.memory_bytes = options.cache_bytes, .spill_bytes = options.spill_bytes}});
   }
-  return std::make_unique<BlendInterpolator>(scan, std::move(network));
+  return std::make_unique<BlendInterpolator>(
+      scan, std::unique_ptr<const BlendNetwork>(static_cast<const BlendNetwork*>(network.release())));
 }
 
 }  // namespace lightstage::model

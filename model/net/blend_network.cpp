@@ -1,5 +1,7 @@
 #include "model/net/blend_network.h"
 
+#include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "model/net/layers.h"
@@ -15,6 +17,8 @@ constexpr double kFirstLogit = -4;
 constexpr double kResidualScale = 0.2;
 // Keeps the square root differentiable where all neighbours agree.
 constexpr double kLeastVariance = 1e-4;
+// About the middle of what training showed; measured with docs/model.md's figures for large pictures.
+constexpr double kSubjectPixels = 224;
 
 // Where each light stands relative to the query, in light spacings and axes of the stage, and where the query is: [k, 8]. In the axes of the stage
 // and not of the query's tangent plane, because pictures are taken in those axes (a light that moves to the right moves a shadow
@@ -45,6 +49,10 @@ BlendNetwork::BlendNetwork(const NetworkConfig& config, std::uint64_t seed) : Ne
   Tensor(parameter("head.logit.weight")).zero_();
   Tensor(parameter("head.logit.bias")).fill_(kFirstLogit);
   Tensor(parameter("residual.conv.weight")).zero_();
+}
+
+int BlendNetwork::coarseness(int longest_side) {
+  return std::max(1, int(std::lround(double(longest_side) / kSubjectPixels)));
 }
 
 BlendNetwork::Correction BlendNetwork::correction(const Tensor& images, const Tensor& guide,
@@ -89,9 +97,17 @@ BlendNetwork::Correction BlendNetwork::correction(const Tensor& images, const Te
           kResidualScale * conv3x3(x, parameter("residual.conv.weight"), parameter("residual.conv.bias"))};
 }
 
-Tensor BlendNetwork::predict(const Tensor& images, const Tensor& guide, const ActiveSet& set) const {
-  const Correction c =
-      correction(images.clamp_max(kBrightestInput), channels_last(guide.clamp_max(kBrightestInput)), set);
+Tensor BlendNetwork::predict(const Tensor& images, const Tensor& guide, const ActiveSet& set, int coarseness) const {
+  const auto seen = [&](const Tensor& pictures) {
+    const Tensor limited = pictures.clamp_max(kBrightestInput);
+    return channels_last(coarseness == 1 ? limited : torch::avg_pool2d(limited, coarseness));
+  };
+  Correction c = correction(seen(images), seen(guide), set);
+  if (coarseness > 1) {
+    for (Tensor* tensor : {&c.logits, &c.residual}) {
+      *tensor = torch::upsample_bilinear2d(*tensor, {images.size(2), images.size(3)}, /*align_corners=*/false);
+    }
+  }
   const Tensor weights = double(set.weights.size(0)) * set.weights.view({-1, 1, 1, 1});
   const Tensor share = weights * torch::exp(c.logits);
   return guide + (share * (images - guide)).sum(0, true) / (1 + share.sum(0, true)) + c.residual;

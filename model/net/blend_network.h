@@ -17,7 +17,18 @@ class BlendNetwork : public Network {
   int size_multiple() const override { return 1 << (config().channels.size() - 1); }
 
   // R + sum_i a_i (I_i - R) + residual, with a_i = k W_i exp(g_i) / (1 + sum_j k W_j exp(g_j)) and logits g_i within +-kLogitBound.
-  torch::Tensor predict(const torch::Tensor& images, const torch::Tensor& guide, const ActiveSet& set) const override;
+  torch::Tensor predict(const torch::Tensor& images, const torch::Tensor& guide, const ActiveSet& set) const override {
+    return predict(images, guide, set, 1);
+  }
+
+  // The same for large pictures: logits and residual are computed on pictures averaged down by `coarseness` and enlarged bilinearly; the pixels
+  // that are chosen among keep their full size. Heights and widths must be multiples of size_multiple() * coarseness.
+  torch::Tensor predict(const torch::Tensor& images, const torch::Tensor& guide, const ActiveSet& set,
+                        int coarseness) const;
+
+  // At least 1: brings a subject whose mask is so many pixels high or wide to about the size that subjects had in training, at which shadows
+  // move as far from light to light as the network has learnt to look.
+  static int coarseness(int longest_side);
 
   static constexpr double kLogitBound = 8;
 

@@ -249,6 +249,45 @@ TEST_CASE("extreme pictures give finite pictures") {
   CHECK(finite(render([](const Direction&, int, int, int) { return -1.0; })));
 }
 
+TEST_CASE("a large subject is looked at in the size of those in training") {
+  for (const auto& [side, expected] : {std::pair(1, 1), {224, 1}, {335, 1}, {337, 2}, {760, 3}, {3000, 13}}) {
+    CHECK(model::BlendNetwork::coarseness(side) == expected);
+  }
+  const test::TemporaryFolder folder;
+  const auto path = saved(folder, *trained_looking(kBlend));
+  const core::OlatScan scan = busy_scan({30, 701, 3}, 20);
+  const Image image = model::make_network_interpolator(scan, path)->render(Direction::from_vector({0.2, 0.1, 1}));
+  CHECK((image.size() == ImageSize{30, 701, 3}));
+  CHECK(finite(image));
+}
+
+TEST_CASE(
+    "at every coarseness pixels keep their full size, and the light that leaves the active set counts for nothing") {
+  const torch::NoGradGuard no_gradients;
+  const auto lights = core::fibonacci_directions(40);
+  const Direction query = Direction::from_vector({0.3, 0.2, 0.8});
+  at::Generator generator = at::detail::createCPUGenerator(4);
+  const Tensor images = torch::rand({8, 3, 48, 24}, generator), guide = torch::rand({1, 3, 48, 24}, generator);
+  const auto predict = [&](const Network& network, const Tensor& seen, int coarseness) {
+    const model::ActiveSet set = network.active_set(query, lights, core::nearest_indices(lights, query, 8), 0.5);
+    return dynamic_cast<const model::BlendNetwork&>(network).predict(seen, guide, set, coarseness);
+  };
+  const auto difference = [](const Tensor& a, const Tensor& b) { return (a - b).abs().max().item<double>(); };
+
+  // Equal logits everywhere and no residual: nothing is left that an average of pixels could blur.
+  const std::unique_ptr<Network> uniform = model::make_network(kBlend, 3);
+  Tensor(uniform->parameter("head.logit.bias")).fill_(0.5);
+  const std::unique_ptr<Network> network = trained_looking(kBlend);
+  Tensor replaced = images.clone();
+  replaced[7] = torch::rand({3, 48, 24}, generator);
+  for (const int coarseness : {1, 2, 3, 6}) {
+    CAPTURE(coarseness);
+    CHECK(difference(predict(*uniform, images, coarseness), predict(*uniform, images, 1)) < 1e-6);
+    CHECK(difference(predict(*network, images, coarseness), predict(*network, replaced, coarseness)) < 1e-6);
+    if (coarseness > 1) CHECK(difference(predict(*network, images, coarseness), predict(*network, images, 1)) > 1e-3);
+  }
+}
+
 TEST_CASE("blend passes a hot pixel on and leaves its surroundings alone") {
   const test::TemporaryFolder folder;
   const auto path = saved(folder, *model::make_network(kBlend, 1));
