@@ -132,10 +132,13 @@ void add_train(CLI::App& program, Context& context) {
           ->delimiter(',')
           ->check(CLI::Range(4, 512));
   const std::map<std::string, model::ActiveSetChoice> active_sets{{"random", model::ActiveSetChoice::kRandom},
-                                                                  {"naive", model::ActiveSetChoice::kNaive}};
+                                                                  {"naive", model::ActiveSetChoice::kNaive},
+                                                                  {"thinned", model::ActiveSetChoice::kThinned}};
   command
       ->add_option("--active-set", options->train.active_set,
-                   "Neighbours in training: random ones of the nearest 16, or naive, the nearest [random]")
+                   "Neighbours of a captured light in training: random ones of the nearest 16 [superres]; naive, the "
+                   "nearest; or thinned, the nearest of "
+                   "a stage with fewer lights, among which it stands as queries do [blend]")
       ->transform(CLI::CheckedTransformer(active_sets));
   const std::map<std::string, model::Pooling> poolings{{"alias_free", model::Pooling::kAliasFree},
                                                        {"average", model::Pooling::kAverage}};

@@ -15,18 +15,22 @@
 
 namespace lightstage::model {
 
-// Which k of the m lights nearest to a captured light make its picture in training.
+// Which k lights make the picture of a captured light in training.
 enum class ActiveSetChoice {
-  kRandom,  // any k of them, so that a network meets lights at many distances (Sun et al. 2020, section 4.4)
-  kNaive,   // the k nearest, as in use; the publication's ablation
+  kRandom,  // any k of the m nearest, so that a network meets lights at many distances (Sun et al. 2020, section 4.4)
+  kNaive,   // the k nearest; the publication's ablation
+  // The k nearest of a stage thinned at random to 1.4 to 2 times the spacing, with the guide and the spacing of that stage: relative to it the
+  // captured light stands between the others as users' queries do, not a whole spacing away.
+  kThinned,
 };
 
 struct TrainOptions {
   NetworkConfig config;
   std::uint64_t seed = 1;
   int crop = 96;        // pixels; smaller images are taken whole
-  int candidates = 16;  // m: the active set is `config.neighbours` of the m lights nearest to the query
-  ActiveSetChoice active_set = ActiveSetChoice::kRandom;  // on captured scans; simulated views take the nearest
+  int candidates = 16;  // m of ActiveSetChoice::kRandom
+  // On captured scans; by default random for superres, as published, and thinned for blend. Simulated views take the nearest.
+  std::optional<ActiveSetChoice> active_set;
   // From coarse pictures to fine ones (model/net/progressive.h). By default on for superres that starts untrained, else off; blend has no
   // coarse pictures.
   std::optional<bool> progressive;

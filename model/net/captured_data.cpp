@@ -6,8 +6,10 @@
 #include "core/sphere.h"
 #include "model/classical/thin_plate.h"
 #include "model/net/draws.h"
+#include "model/net/network.h"
 #include "model/net/scan_tensors.h"
 #include "model/net/training_data.h"
+#include "model/net/training_settings.h"
 
 namespace lightstage::model {
 namespace {
@@ -17,6 +19,7 @@ using torch::Tensor;
 constexpr double kSamePlace = 1e-4;  // radians, as for the thin-plate weights
 constexpr std::size_t kGuideLights =
     256;  // farther ones weigh next to nothing, and the system is cubic in their number
+constexpr std::size_t kThinnedFrom = 128;
 constexpr std::size_t kLightsPerHeldOut = 16;
 constexpr int kValidationDraws = 24;
 
@@ -33,7 +36,7 @@ std::vector<std::size_t> random_subset(const std::vector<std::size_t>& all, std:
 
 class CapturedScan {
  public:
-  CapturedScan(const core::OlatScan& scan, int neighbours, int candidates, int multiple);
+  CapturedScan(const core::OlatScan& scan, const TrainOptions& options, int multiple);
 
   // Lights that serve as truth in training, and others that serve as truth in validation only: about one in sixteen.
   const std::vector<std::size_t>& training_lights() const { return training_lights_; }
@@ -43,10 +46,13 @@ class CapturedScan {
 
   Window window_around(std::uint64_t anchor, int size) const { return tensors_->window_around(anchor, size); }
   Example example(std::size_t light, const std::vector<std::size_t>& active, const Window& window) const;
+  // The light between the `count` nearest of a stage thinned around it.
+  Example thinned_example(std::size_t light, std::size_t count, std::mt19937_64& random, const Window& window) const;
 
  private:
   void choose_neighbours(int candidates);
   void interpolate_guides(core::Progress& progress);
+  std::vector<std::size_t> thinned_lights(std::size_t light, std::size_t at_least, std::mt19937_64& random) const;
 
   std::vector<core::Direction> directions_;
   double spacing_;
@@ -54,17 +60,18 @@ class CapturedScan {
   std::vector<std::vector<std::size_t>> apart_;  // by light: all lights in other places, nearest first
   std::vector<std::vector<std::size_t>> candidates_;
   std::unique_ptr<const ScanTensors> tensors_;
-  Tensor guides_;  // [lights, 3, h, w]
+  Tensor guides_;  // [lights, 3, h, w]; not for thinned stages, which have their own
 };
 
-CapturedScan::CapturedScan(const core::OlatScan& scan, int neighbours, int candidates, int multiple)
+CapturedScan::CapturedScan(const core::OlatScan& scan, const TrainOptions& options, int multiple)
     : directions_(scan.directions()), spacing_(core::median_spacing_radians(scan.directions())) {
   const std::size_t lights = directions_.size();
+  const int neighbours = options.config.neighbours;
   if (lights < std::size_t(neighbours) + 1) {
     throw core::UsageError("scan '" + scan.name() + "' has " + std::to_string(lights) + " lights; training with " +
                            std::to_string(neighbours) + " neighbours needs at least " + std::to_string(neighbours + 1));
   }
-  choose_neighbours(candidates);
+  choose_neighbours(options.candidates);
   if (std::any_of(candidates_.begin(), candidates_.end(), [](const auto& c) { return c.empty(); })) {
     throw core::UsageError("scan '" + scan.name() + "' has all its lights in one place; there is nothing to train on");
   }
@@ -72,9 +79,10 @@ CapturedScan::CapturedScan(const core::OlatScan& scan, int neighbours, int candi
     const bool held_out = light % kLightsPerHeldOut == std::min(kLightsPerHeldOut, lights) / 2;
     (held_out ? validation_lights_ : training_lights_).push_back(light);
   }
-  core::Progress progress("preparing '" + scan.name() + "'", 2 * lights);
+  const bool thinned = active_set_choice(options) == ActiveSetChoice::kThinned;
+  core::Progress progress("preparing '" + scan.name() + "'", thinned ? lights : 2 * lights);
   tensors_ = std::make_unique<const ScanTensors>(scan, multiple, [&] { progress.advance(); });
-  interpolate_guides(progress);
+  if (!thinned) interpolate_guides(progress);
 }
 
 void CapturedScan::choose_neighbours(int candidates) {
@@ -116,15 +124,62 @@ Example CapturedScan::example(std::size_t light, const std::vector<std::size_t>&
   return example;
 }
 
+// As many of the lights around one, in another place than it, as can stand 1.4 to 2 spacings apart when they are tried in random order; nearest first.
+std::vector<std::size_t> CapturedScan::thinned_lights(std::size_t light, std::size_t at_least,
+                                                      std::mt19937_64& random) const {
+  std::vector<std::size_t> around = apart_[light];
+  around.resize(std::min(around.size(), kThinnedFrom));
+  for (std::size_t i = around.size(); i > 1; --i) std::swap(around[i - 1], around[random() % i]);
+  double apart = spacing_ * (1.4 + 0.6 * double(random() >> 11) * 0x1p-53);
+  std::vector<std::size_t> kept;
+  // Small stages keep more than would be left of them.
+  for (; kept.size() < std::min(at_least, around.size()); apart *= 0.8) {
+    kept.clear();
+    for (const std::size_t candidate : around) {
+      const auto too_near = [&](std::size_t other) {
+        return angle_radians(directions_[candidate], directions_[other]) < apart;
+      };
+      if (std::none_of(kept.begin(), kept.end(), too_near)) kept.push_back(candidate);
+    }
+  }
+  std::vector<core::Direction> directions;
+  for (const std::size_t index : kept) directions.push_back(directions_[index]);
+  std::vector<std::size_t> sorted;
+  for (const std::size_t i : core::nearest_indices(directions, directions_[light], kept.size()))
+    sorted.push_back(kept[i]);
+  return sorted;
+}
+
+Example CapturedScan::thinned_example(std::size_t light, std::size_t count, std::mt19937_64& random,
+                                      const Window& window) const {
+  const std::vector<std::size_t> stage = thinned_lights(light, count, random);
+  std::vector<core::Direction> directions;
+  for (const std::size_t index : stage) directions.push_back(directions_[index]);
+  const std::vector<double> w = ThinPlateWeights(directions)(directions_[light]);
+  const Tensor weights = torch::tensor(w, torch::kFloat64).to(torch::kFloat32).view({-1, 1, 1, 1});
+  const Tensor seen = pictures(tensors_->displays(), stage, window);
+
+  Example example;
+  example.query = directions_[light];
+  const std::size_t active = std::min(count, stage.size());
+  example.lights.assign(directions.begin(), directions.begin() + std::ptrdiff_t(active));
+  example.spacing = core::median_spacing_radians(directions);
+  example.images = seen.narrow(0, 0, std::int64_t(active)).contiguous(at::MemoryFormat::ChannelsLast);
+  example.guide = (weights * seen).sum(0, true).clamp(0, Network::kBrightestInput);
+  example.truth = pictures(tensors_->displays(), {light}, window);
+  example.mask = cut(tensors_->mask(), window).unsqueeze(0);
+  return example;
+}
+
 class CapturedData : public TrainingData {
  public:
   CapturedData(std::span<const core::OlatScan> scans, const TrainOptions& options, int multiple)
       : seed_(options.seed),
         neighbours_(std::size_t(options.config.neighbours)),
-        active_set_(options.active_set),
+        active_set_(active_set_choice(options)),
         crop_(std::max(options.crop / multiple, 1) * multiple) {
     for (const core::OlatScan& scan : scans) {
-      scans_.emplace_back(scan, options.config.neighbours, options.candidates, multiple);
+      scans_.emplace_back(scan, options, multiple);
     }
   }
 
@@ -132,10 +187,13 @@ class CapturedData : public TrainingData {
     std::mt19937_64 random = draw_generator(seed_, Stream::kTraining, number);
     const CapturedScan& scan = scans_[random() % scans_.size()];
     const std::size_t light = scan.training_lights()[random() % scan.training_lights().size()];
-    const std::vector<std::size_t> active = active_set_ == ActiveSetChoice::kRandom
-                                                ? random_subset(scan.candidates(light), neighbours_, random)
-                                                : nearest(scan, light);
-    return scan.example(light, active, scan.window_around(random(), crop_));
+    const Window window = scan.window_around(random(), crop_);
+    if (active_set_ == ActiveSetChoice::kThinned) return scan.thinned_example(light, neighbours_, random, window);
+    return scan.example(light,
+                        active_set_ == ActiveSetChoice::kRandom
+                            ? random_subset(scan.candidates(light), neighbours_, random)
+                            : nearest(scan, light),
+                        window);
   }
 
   int validation_count() const override { return std::max(kValidationDraws, int(scans_.size())); }
@@ -145,7 +203,9 @@ class CapturedData : public TrainingData {
     const std::size_t turn = std::size_t(number) / scans_.size();
     const CapturedScan& scan = scans_[std::size_t(number) % scans_.size()];
     const std::size_t light = scan.validation_lights()[turn % scan.validation_lights().size()];
-    return scan.example(light, nearest(scan, light), scan.window_around(random(), crop_));
+    const Window window = scan.window_around(random(), crop_);
+    if (active_set_ == ActiveSetChoice::kThinned) return scan.thinned_example(light, neighbours_, random, window);
+    return scan.example(light, nearest(scan, light), window);
   }
 
  private:

@@ -15,6 +15,11 @@ bool superres(const TrainOptions& options) {
   return options.config.architecture == Architecture::kSuperres;
 }
 
+std::string name_of(ActiveSetChoice choice) {
+  if (choice == ActiveSetChoice::kRandom) return "random";
+  return choice == ActiveSetChoice::kNaive ? "naive" : "thinned";
+}
+
 // A model's name and its own provenance, so that a chain of them tells of all data that went into the last.
 Json origin(const std::filesystem::path& checkpoint) {
   const std::string provenance = read_checkpoint_info(checkpoint).provenance;
@@ -32,6 +37,10 @@ double learning_rate(const TrainOptions& options) {
   // What a model has learned is not to be lost to the first steps on other data.
   const double adapting = options.start_from ? 0.1 : 1;
   return options.learning_rate.value_or(adapting * (superres(options) ? 1e-3 : 2e-3));
+}
+
+ActiveSetChoice active_set_choice(const TrainOptions& options) {
+  return options.active_set.value_or(superres(options) ? ActiveSetChoice::kRandom : ActiveSetChoice::kThinned);
 }
 
 void check(const TrainOptions& options) {
@@ -61,7 +70,7 @@ Json training_settings(const Json& data, const TrainOptions& options) {
           {"seed", options.seed},
           {"crop", options.crop},
           {"candidates", options.candidates},
-          {"active_set", options.active_set == ActiveSetChoice::kRandom ? "random" : "naive"},
+          {"active_set", name_of(active_set_choice(options))},
           {"progressive", trains_progressively(options)},
           {"learning_rate", learning_rate(options)},
           {"sharpness_rate", options.sharpness_rate},

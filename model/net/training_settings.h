@@ -11,9 +11,10 @@ namespace lightstage::model {
 // Throws UsageError for options out of range.
 void check(const TrainOptions& options);
 
-// TrainOptions::progressive and learning_rate, or their defaults.
+// TrainOptions::progressive, learning_rate and active_set, or their defaults.
 bool trains_progressively(const TrainOptions& options);
 double learning_rate(const TrainOptions& options);
+ActiveSetChoice active_set_choice(const TrainOptions& options);
 
 // What must be equal for a run to be resumed; `data` describes what it learns from.
 nlohmann::json training_settings(const nlohmann::json& data, const TrainOptions& options);

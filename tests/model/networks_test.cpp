@@ -398,6 +398,7 @@ TEST_CASE("a training example never shows its query's light, nor any light in th
   model::TrainOptions options;
   options.config = kBlend;
   options.crop = 16;
+  options.active_set = GENERATE(model::ActiveSetChoice::kRandom, model::ActiveSetChoice::kThinned);
   const auto data = model::captured_data(std::span(&scan, 1), options, 4);
   const auto apart = [](const model::Example& example) {
     CHECK(example.lights.size() == 8);
@@ -431,6 +432,40 @@ TEST_CASE("a training example never shows its query's light, nor any light in th
     CHECK(largest(guide(after, changed) - guide(before, scan)) < 2e-3);  // half precision
   }
   CHECK(compared > 0);
+}
+
+TEST_CASE(
+    "in a thinned stage a captured light stands between the others as queries do, and its guide is that stage's") {
+  const auto lights = core::fibonacci_directions(150);
+  const double spacing = core::median_spacing_radians(lights);
+  // Linear in the light's position, which thin-plate interpolation reproduces from any lights.
+  const core::OlatScan scan = test::scan_of(lights, {8, 8, 3}, [](const Direction& l, int y, int x, int) {
+    return std::pow(0.5 + 0.2 * l.x() - 0.1 * l.y() + 0.01 * (x + y), 2.2);
+  });
+  model::TrainOptions options;
+  options.config = kBlend;
+  const auto data = model::captured_data(std::span(&scan, 1), options, 4);  // blend's default
+  double nearest_sum = 0;
+  for (int i = 0; i < 100; ++i) {
+    const model::Example example = data->training_draw(i);
+    REQUIRE(example.lights.size() == 8);
+    double nearest = 10;
+    for (std::size_t a = 0; a < example.lights.size(); ++a) {
+      nearest = std::min(nearest, angle_radians(example.query, example.lights[a]));
+      for (std::size_t b = 0; b < a; ++b) CHECK(angle_radians(example.lights[a], example.lights[b]) > 1.4 * spacing);
+    }
+    CHECK(example.spacing > 1.4 * spacing);
+    CHECK(example.spacing < 3.5 * spacing);
+    CHECK(nearest == angle_radians(example.query, example.lights[0]));
+    nearest_sum += nearest / example.spacing;
+    CHECK(largest((example.guide - example.truth) * example.mask) < 3e-3);  // half precision
+  }
+  CHECK(nearest_sum / 100 > 0.4);
+  CHECK(nearest_sum / 100 < 0.75);
+  // Small stages keep enough for the network.
+  const core::OlatScan few =
+      test::scan_of(core::fibonacci_directions(10), {8, 8, 3}, [](const Direction&, int, int, int) { return 1.0; });
+  CHECK(model::captured_data(std::span(&few, 1), options, 4)->training_draw(0).lights.size() == 8);
 }
 
 }  // namespace lightstage
