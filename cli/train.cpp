@@ -89,6 +89,11 @@ void run_train(Options options, Context& context) {
     options.train.config = model::read_checkpoint_info(*options.train.start_from).config;
   } else {
     options.train.config = network_of(options);
+    if (options.preset == "tiny") {
+      // For minutes: coarse pictures would take most of them (docs/model.md).
+      options.train.progressive = options.train.progressive.value_or(false);
+      options.train.learning_rate = options.train.learning_rate.value_or(4e-3);
+    }
   }
   // m = 16 for k = 8, as published.
   options.train.candidates = std::max(options.train.candidates, 2 * options.train.config.neighbours);
@@ -149,7 +154,7 @@ void add_train(CLI::App& program, Context& context) {
   const std::map<std::string, bool> on_off{{"on", true}, {"off", false}};
   command
       ->add_option("--progressive", options->train.progressive,
-                   "on or off: train coarse pictures first [on for superres; blend cannot]")
+                   "on or off: train coarse pictures first [on for small and paper; blend cannot]")
       ->transform(CLI::CheckedTransformer(on_off));
   command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
   command->add_option("--steps", options->train.steps, "Train for so many steps instead")
@@ -159,7 +164,7 @@ void add_train(CLI::App& program, Context& context) {
       ->check(CLI::Range(16, 4096));
   command
       ->add_option("--learning-rate", options->train.learning_rate,
-                   "Of Adam, at the start [0.001 for superres, 0.002 for blend; a tenth with --start-from]")
+                   "Of Adam, at the start [0.001, for tiny 0.004, for blend 0.002; a tenth with --start-from]")
       ->check(number_between(1e-8, 1.0));
   CLI::Option* sharpness_rate =
       command

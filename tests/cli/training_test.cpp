@@ -78,7 +78,7 @@ TEST_CASE("a model tells its configuration, its tensors and where it comes from"
     CHECK(model.at("configuration").at("architecture") == "superres");
     CHECK(model.at("configuration").at("channels").size() == 4);
     CHECK(model.at("provenance").at("seed") == 5);
-    CHECK(model.at("provenance").at("progressive") == true);
+    CHECK(model.at("provenance").at("progressive") == false);
     CHECK(model.at("provenance").at("active_set") == "random");
     CHECK(model.at("provenance").at("data").at(0).at("name") == "ball");
     std::int64_t parameters = 0;
