@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <random>
 #include <utility>
@@ -42,6 +43,26 @@ BadInput system_failure(const std::string& action, const fs::path& path) {
 fs::path folder_of(const fs::path& path) {
   const fs::path folder = path.parent_path();
   return folder.empty() ? fs::path(".") : folder;
+}
+
+// What is to be replaced: the path itself, or what it names where it is a symbolic link. Renaming would put a file in the place of a
+// device as readily as of a file.
+fs::path target_of(const fs::path& path) {
+  if (path.empty()) throw BadInput("cannot write '': a file needs a name");
+  const auto refuse = [&](const std::string& problem) {
+    return BadInput("cannot write " + path.string() + ": " + problem);
+  };
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (path.filename().empty() || fs::is_directory(status)) throw refuse("it names a folder");
+  if (fs::exists(status) && !fs::is_regular_file(status)) throw refuse("what stands there is not a regular file");
+  fs::path target = path;
+  constexpr int kMostLinks = 40;  // as many as Linux follows
+  for (int links = 0; fs::is_symlink(fs::symlink_status(target, error)); ++links) {
+    if (links == kMostLinks) throw refuse("its symbolic links do not end");
+    target = folder_of(target) / fs::read_symlink(target, error);
+  }
+  return target;
 }
 
 }  // namespace
@@ -87,14 +108,24 @@ void write_file_atomically(const fs::path& path, std::string_view bytes) {
   });
 }
 
+fs::path temporary_folder() {
+  std::error_code error;
+  const fs::path folder = fs::temp_directory_path(error);
+  if (!error) return folder;
+  std::string named;
+  for (const char* variable : {"TEMPDIR", "TEMP", "TMP", "TMPDIR"}) {  // the last one set is the one that counts
+    if (const char* value = std::getenv(variable)) named = std::string(variable) + "=" + value;
+  }
+  throw BadInput(named + ": this folder for temporary files is not there; set TMPDIR to one that takes files");
+}
+
 namespace file_detail {
 
 fs::path temporary_beside(const fs::path& path) {
-  const fs::path folder = folder_of(path);
+  const fs::path folder = folder_of(target_of(path));
   std::error_code error;
   if (!fs::is_directory(folder, error))
     throw BadInput("cannot write " + path.string() + ": there is no folder " + folder.string());
-  if (path.filename().empty()) throw BadInput("cannot write " + path.string() + ": it names a folder");
   // Random, because several processes, on several machines, may write into one folder.
   std::random_device random;
   char name[40];
@@ -107,8 +138,9 @@ void commit(const fs::path& temporary, const fs::path& path) {
     FileDescriptor file(temporary, O_RDONLY);
     if (!file.is_open() || fsync(file.get()) != 0 || !file.close()) throw system_failure("cannot write", path);
   }
-  if (std::rename(temporary.c_str(), path.c_str()) != 0) throw system_failure("cannot write", path);
-  const FileDescriptor folder(folder_of(path), O_RDONLY | O_DIRECTORY);
+  const fs::path target = target_of(path);
+  if (std::rename(temporary.c_str(), target.c_str()) != 0) throw system_failure("cannot write", path);
+  const FileDescriptor folder(folder_of(target), O_RDONLY | O_DIRECTORY);
   // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
   if (!folder.is_open() || (fsync(folder.get()) != 0 && errno != EINVAL))
     throw system_failure("cannot sync the folder of", path);

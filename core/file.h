@@ -12,14 +12,18 @@ namespace lightstage::core {
 // `max_bytes`.
 std::string read_text_file(const std::filesystem::path& path, std::size_t max_bytes = std::size_t(64) << 20);
 
-// Writes to a temporary file beside the target, syncs, renames over the target and syncs the folder. Throws
-// BadInput when the folder is missing or the disk is full; the target is then as it was.
+// Writes to a temporary file beside the target, syncs, renames over the target and syncs the folder. A symbolic
+// link stays, what it names is replaced. Throws BadInput when the folder is missing, the disk is full, or something
+// that is not a regular file (a folder, a device, a pipe) stands there; the target is then as it was.
 void write_file_atomically(const std::filesystem::path& path, std::string_view bytes);
 
 // Calls `write(temporary_path)` and then moves the result into place as above; the temporary file has the
 // target's extension. Removes it when `write` throws.
 template <class Write>
 void replace_file_atomically(const std::filesystem::path& path, Write&& write);
+
+// The system's folder for temporary files. Throws BadInput naming it when $TMPDIR is set and names no folder.
+std::filesystem::path temporary_folder();
 
 namespace file_detail {
 std::filesystem::path temporary_beside(const std::filesystem::path& path);

@@ -1,6 +1,10 @@
 #include "core/file.h"
 
+#include <sys/socket.h>
 #include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
 #include <fstream>
 
@@ -63,6 +67,67 @@ TEST_CASE("a write that fails leaves the old file and no litter") {
   fs::create_directory(folder / "d");
   CHECK_THROWS_AS(core::write_file_atomically(folder / "d", "n"), core::BadInput);
   CHECK(entries_in(folder.path()) == 2);
+}
+
+TEST_CASE("what is not a regular file is never replaced") {
+  const test::TemporaryFolder folder;
+  REQUIRE(mkfifo((folder / "pipe").c_str(), 0600) == 0);
+  const int server = socket(AF_UNIX, SOCK_STREAM, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  (folder / "socket").string().copy(address.sun_path, sizeof address.sun_path - 1);
+  REQUIRE(bind(server, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0);
+  fs::create_symlink("pipe", folder / "link");
+  const auto entries = entries_in(folder.path());
+  for (const char* name : {"pipe", "socket", "link"}) {
+    const std::string message =
+        test::failure_of<core::BadInput>([&] { core::write_file_atomically(folder / name, "n"); });
+    CHECK(test::says(message, (folder / name).string(), "not a regular file"));
+    // Nor when it comes to stand there while the new bytes are written.
+    const std::string late = test::failure_of<core::BadInput>([&] {
+      core::replace_file_atomically(folder / "late", [&](const fs::path& temporary) {
+        std::ofstream(temporary) << "new";
+        fs::create_symlink(folder / name, folder / "late");
+      });
+    });
+    CHECK(test::says(late, (folder / "late").string(), "not a regular file"));
+    fs::remove(folder / "late");
+  }
+  close(server);
+  CHECK(fs::is_fifo(fs::symlink_status(folder / "pipe")));
+  CHECK(fs::is_socket(fs::symlink_status(folder / "socket")));
+  CHECK(fs::is_symlink(fs::symlink_status(folder / "link")));
+  CHECK(entries_in(folder.path()) == entries);
+  CHECK(test::says(test::failure_of<core::BadInput>([] { core::write_file_atomically("", "n"); }), "''", "name"));
+}
+
+TEST_CASE("what a symbolic link names is replaced, and the link stays") {
+  const test::TemporaryFolder folder;
+  fs::create_directory(folder / "far");
+  core::write_file_atomically(folder / "far/file", "old");
+  fs::create_symlink("far/file", folder / "one");
+  fs::create_symlink("one", folder / "two");
+  core::write_file_atomically(folder / "two", "new");
+  CHECK(core::read_text_file(folder / "far/file") == "new");
+  fs::create_symlink("far/made", folder / "to_nothing");
+  core::write_file_atomically(folder / "to_nothing", "made");
+  CHECK(core::read_text_file(folder / "far/made") == "made");
+  for (const char* link : {"one", "two", "to_nothing"}) CHECK(fs::is_symlink(fs::symlink_status(folder / link)));
+  CHECK(entries_in(folder / "far") == 2);
+
+  fs::create_symlink("round", folder / "about");
+  fs::create_symlink("about", folder / "round");
+  CHECK_THROWS_AS(core::write_file_atomically(folder / "round", "n"), core::BadInput);
+  CHECK(fs::is_symlink(fs::symlink_status(folder / "round")));
+}
+
+TEST_CASE("a folder for temporary files that is not there is named") {
+  {
+    const test::EnvironmentVariable variable("TMPDIR", "/nowhere/at/all");
+    const std::string message = test::failure_of<core::BadInput>([] { core::temporary_folder(); });
+    CHECK(test::says(message, "/nowhere/at/all", "TMPDIR"));
+  }
+  CHECK(fs::is_directory(core::temporary_folder()));
 }
 
 TEST_CASE("replacing a file keeps the old one when the writer throws") {

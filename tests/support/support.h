@@ -3,6 +3,7 @@
 
 #include <filesystem>
 #include <iostream>
+#include <optional>
 #include <string>
 
 // Ends the test case and has CTest count it as skipped, with the reason in the log.
@@ -26,6 +27,19 @@ class TemporaryFolder {
 
  private:
   std::filesystem::path path_;
+};
+
+// An environment variable that has this value until the end of the scope.
+class EnvironmentVariable {
+ public:
+  EnvironmentVariable(std::string name, const std::string& value);
+  ~EnvironmentVariable();
+  EnvironmentVariable(const EnvironmentVariable&) = delete;
+  EnvironmentVariable& operator=(const EnvironmentVariable&) = delete;
+
+ private:
+  std::string name_;
+  std::optional<std::string> before_;
 };
 
 // The folder of real photographs ($LIGHTSTAGE_TEST_DATA, by default ../shared/data beside the source tree), or an empty
