@@ -1,5 +1,6 @@
 #include "db/store.h"
 
+#include <sqlite3.h>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
@@ -34,6 +35,13 @@ const fs::path& Store::folder() const {
 
 void Store::atomically(const std::function<void()>& work) {
   impl_->write(work);
+}
+
+void Store::require_writable() const {
+  // SQLite falls back to reading where it may not write, and lets even BEGIN IMMEDIATE pass then.
+  if (sqlite3_db_readonly(impl_->database.getHandle(), "main") == 1) {
+    throw explained(SQLite::Exception("read-only", SQLITE_READONLY), folder());
+  }
 }
 
 ContentHash Store::put_object(core::ImageView image) {

@@ -138,6 +138,9 @@ class Store {
   // harmless). May be nested. Other writers wait meanwhile, so put objects first and add only rows in here.
   void atomically(const std::function<void()>& work);
 
+  // Throws StoreError when the store can only be read (a disk mounted read-only, another owner): to know before long work.
+  void require_writable() const;
+
   // --- scans
   // The scan, its cameras and its steps in one transaction. UsageError for a name that is taken or not
   // allowed, BadInput for steps or JSON that make no sense.
@@ -148,11 +151,11 @@ class Store {
   Scan scan(Id id) const;
   std::optional<Scan> find_scan(std::string_view name) const;
   std::vector<Scan> scans() const;  // in order of creation
-  // Removes the scan with its frames and products' rows; objects that nothing refers to any more stay on
-  // disk. UsageError when something else was made from it (weights, another scan's product), which would lose
-  // its origin. For undoing an import or capture that failed before its first frame was acknowledged, and for
-  // `store rm`.
-  void remove_scan(Id scan_id);
+  // Removes the scan with its frames and products' rows, and the entries of weights that were trained on it, which it
+  // returns: their files stay. Objects that nothing refers to any more stay on disk. UsageError
+  // when something else was made from it (another scan's product), which would lose its origin. For undoing an import or
+  // capture that failed before its first frame was acknowledged, and for `store rm`.
+  std::vector<Product> remove_scan(Id scan_id);
 
   // --- frames
   // Writes the image as an object and commits the frame's row, replacing a frame of the same scan, camera and

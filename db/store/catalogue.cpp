@@ -10,6 +10,7 @@
 #include <sqlite3.h>
 #include <stdlib.h>
 
+#include "core/file.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
 
@@ -29,7 +30,7 @@ struct Identity {
 struct ScratchFolder {
   fs::path path;
   ScratchFolder() {
-    std::string pattern = (fs::temp_directory_path() / "lightstage-look-XXXXXX").string();
+    std::string pattern = (core::temporary_folder() / "lightstage-look-XXXXXX").string();
     if (::mkdtemp(pattern.data()) == nullptr) {
       throw core::StoreError(pattern + ": cannot make a temporary folder: " + std::strerror(errno));
     }

@@ -169,23 +169,40 @@ std::vector<Scan> Store::scans() const {
   });
 }
 
-void Store::remove_scan(Id scan_id) {
-  impl_->write([&] {
+std::vector<Product> Store::remove_scan(Id scan_id) {
+  // The scan's own products, what others were made from it or from them, and the weights among these.
+  const std::string heirs_and_weights =
+      "WITH own AS (SELECT id FROM products WHERE scan_id = ?1),"
+      "  heirs AS (SELECT id, kind FROM products WHERE scan_id IS NOT ?1 AND"
+      "    (id IN (SELECT product_id FROM product_input_scans WHERE scan_id = ?1) OR"
+      "     id IN (SELECT product_id FROM product_input_products WHERE input_id IN own))),"
+      "  weights AS (SELECT id FROM heirs WHERE kind = 'weights') ";
+  return impl_->write([&] {
     const Scan removed = scan(scan_id);
-    // What was made from it, other than its own products, would lose its origin.
-    auto heirs = impl_->query(
-        "SELECT p.kind, p.name, p.id FROM products p WHERE p.scan_id IS NOT ?1 AND ("
-        "  p.id IN (SELECT product_id FROM product_input_scans WHERE scan_id = ?1) OR"
-        "  p.id IN (SELECT i.product_id FROM product_input_products i JOIN products own ON own.id = "
-        "i.input_id"
-        "           WHERE own.scan_id = ?1)) ORDER BY p.id",
-        scan_id);
-    if (heirs.executeStep()) {
+    auto heir =
+        impl_->query((heirs_and_weights +
+                      "SELECT kind, name, id FROM products WHERE id NOT IN weights AND scan_id IS NOT ?1 AND"
+                      "  (id IN (SELECT id FROM heirs) OR"
+                      "   id IN (SELECT product_id FROM product_input_products WHERE input_id IN weights)) ORDER BY id")
+                         .c_str(),
+                     scan_id);
+    // It would lose its origin.
+    if (heir.executeStep()) {
       throw core::UsageError(folder().string() + ": scan '" + removed.name + "' cannot be removed: " +
-                             heirs.getColumn(0).getString() + " '" + heirs.getColumn(1).getString() + "' (product " +
-                             std::to_string(heirs.getColumn(2).getInt64()) + ") was made from it");
+                             heir.getColumn(0).getString() + " '" + heir.getColumn(1).getString() + "' (product " +
+                             std::to_string(heir.getColumn(2).getInt64()) + ") was made from it");
+    }
+    std::set<Id> trained;
+    auto row = impl_->query((heirs_and_weights + "SELECT id FROM weights").c_str(), scan_id);
+    while (row.executeStep()) trained.insert(row.getColumn(0).getInt64());
+    std::vector<Product> weights;
+    for (Product& product : products("weights")) {
+      if (!trained.contains(product.id)) continue;
+      impl_->change("DELETE FROM products WHERE id = ?", product.id);
+      weights.push_back(std::move(product));
     }
     impl_->change("DELETE FROM scans WHERE id = ?", scan_id);
+    return weights;
   });
 }
 

@@ -1,4 +1,7 @@
+#include <unistd.h>
+
 #include <catch2/catch.hpp>
+#include <filesystem>
 #include <limits>
 
 #include "core/error.h"
@@ -362,13 +365,13 @@ TEST_CASE_METHOD(Fixture, "removing a scan takes its own rows along, and is refu
   mask.images = {{"mask", 0, store.frames(a)[0].object, 0}};
   const db::Id own = store.add_product(mask);
   db::NewProduct heir;
-  heir.kind = "weights";
-  heir.name = "net";
+  heir.kind = "picture";
+  heir.name = "relit";
   heir.input_products = {own};
   const db::Id heir_id = store.add_product(heir);
   CHECK_THROWS_AS(store.remove_scan(a), core::UsageError);
   CHECK_THAT(message_of([&] { store.remove_scan(a); }),
-             Equals(place + "scan 'a' cannot be removed: weights 'net' (product " + std::to_string(heir_id) +
+             Equals(place + "scan 'a' cannot be removed: picture 'relit' (product " + std::to_string(heir_id) +
                     ") was made from it"));
   CHECK(store.scans().size() == 2);
 
@@ -401,4 +404,85 @@ TEST_CASE_METHOD(Fixture, "a scan's own products, made from one another, go with
   CHECK(store.products("mask").empty());
   CHECK(store.products("alignment").empty());
   CHECK(store.verify().errors == std::vector<std::string>());
+}
+
+TEST_CASE_METHOD(Fixture, "weights trained on a scan lose their entry with it, and are told of") {
+  const db::Id a = store.add_scan(test::olat_scan("a", 1)), b = store.add_scan(test::olat_scan("b", 1));
+  for (const db::Id id : {a, b}) {
+    store.put_frame({.scan_id = id, .camera = "main", .step_index = 0}, test::half_pattern(4, 4, 3, int(id)));
+  }
+  db::NewProduct mask;
+  mask.kind = "mask";
+  mask.scan_id = a;
+  const db::Id own = store.add_product(mask);
+  const auto weights = [&](const std::string& name, std::vector<db::Id> scans, std::vector<db::Id> products) {
+    db::NewProduct product;
+    product.kind = "weights";
+    product.name = name;
+    product.parameters = R"({"file": "/models/)" + name + R"("})";
+    product.input_scans = std::move(scans);
+    product.input_products = std::move(products);
+    return store.add_product(product);
+  };
+  weights("of_a", {a}, {own});
+  const db::Id of_both = weights("of_both", {b, a}, {});
+  weights("of_b", {b}, {});
+  weights("of_mask", {}, {own});
+
+  db::NewProduct picture;  // of another scan, by a model that saw this one
+  picture.kind = "picture";
+  picture.scan_id = b;
+  picture.input_products = {of_both};
+  store.add_product(picture);
+  CHECK_THAT(message_of([&] { store.remove_scan(a); }), Contains("'a' cannot be removed: picture"));
+  CHECK(store.products("weights").size() == 4);
+  store.remove_scan(store.add_scan(test::olat_scan("c", 1)));
+
+  const db::Id d = store.add_scan(test::olat_scan("d", 1));
+  weights("of_d", {d, b}, {});
+  const std::vector<db::Product> gone = store.remove_scan(d);
+  REQUIRE(gone.size() == 1);
+  CHECK(gone[0].name == "of_d");
+  CHECK_THAT(gone[0].parameters, Contains("/models/of_d"));
+  CHECK(store.products("weights").size() == 4);
+  CHECK(store.verify().errors == std::vector<std::string>());
+}
+
+namespace {
+
+// As somebody who may read the store's files and write none. The superuser may write whatever their permissions, and so becomes nobody.
+class ReadingOnly {
+ public:
+  explicit ReadingOnly(const std::filesystem::path& folder) : folder_(folder) {
+    namespace fs = std::filesystem;
+    fs::permissions(folder.parent_path(), fs::perms(0755));
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.is_regular_file()) fs::permissions(entry, fs::perms(0444));
+    }
+    fs::permissions(folder, fs::perms(0555));
+    constexpr uid_t kNobody = 65534;
+    if (user_ == 0) REQUIRE(seteuid(kNobody) == 0);
+  }
+  ~ReadingOnly() {
+    if (seteuid(user_) == 0) std::filesystem::permissions(folder_, std::filesystem::perms(0755));
+  }
+  ReadingOnly(const ReadingOnly&) = delete;
+  ReadingOnly& operator=(const ReadingOnly&) = delete;
+
+ private:
+  std::filesystem::path folder_;
+  uid_t user_ = geteuid();
+};
+
+}  // namespace
+
+TEST_CASE_METHOD(Fixture, "that a store cannot be written is known before long work") {
+  store.add_scan(test::olat_scan("a", 1));
+  store.require_writable();
+  const ReadingOnly reading_only(folder / "store");
+  // Opens, since the log and its index are there: `store` holds them.
+  db::Store other = db::Store::open(folder / "store");
+  CHECK(other.scans().size() == 1);
+  CHECK_THROWS_AS(other.require_writable(), core::StoreError);
+  CHECK_THAT(message_of([&] { other.require_writable(); }), Contains(place) && Contains("writing"));
 }
