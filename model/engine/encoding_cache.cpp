@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/file.h"
 
 namespace lightstage::model {
 namespace {
@@ -87,7 +88,9 @@ void EncodingCache::keep(std::size_t light, const Pointer& encoding) {
 
 bool EncodingCache::spill(std::size_t light, const Encoding& encoding) {
   if (spill_used_ + encoding.bytes() > budget_.spill_bytes) return false;
-  if (file_ == nullptr) file_ = std::make_unique<SpillFile>(budget_.spill_folder);
+  if (file_ == nullptr) {
+    file_ = std::make_unique<SpillFile>(budget_.spill_folder.empty() ? core::temporary_folder() : budget_.spill_folder);
+  }
   std::vector<SpilledLevel> levels;
   for (const FeatureMap& level : encoding.levels) {
     const std::optional<std::size_t> offset = file_->append(level);

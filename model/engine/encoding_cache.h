@@ -35,7 +35,7 @@ class SpillFile {
 struct EncodingBudget {
   std::size_t memory_bytes = std::size_t(2) << 30;
   std::size_t spill_bytes = 0;
-  std::filesystem::path spill_folder = std::filesystem::temp_directory_path();
+  std::filesystem::path spill_folder = {};  // empty: the system's folder for temporary files
 };
 
 // May be used from several threads. All encodings are of one size.
@@ -48,7 +48,7 @@ class EncodingCache {
   // Null where it is not kept.
   Pointer find(std::size_t light);
   // Keeps it in memory; where that is full, in the file; where that is full too, in the place of the one in memory that was used least
-  // recently. Larger than all: not at all.
+  // recently. Larger than all: not at all. Throws BadInput when there is something to put into the file and no folder that takes one.
   void keep(std::size_t light, const Pointer& encoding);
 
  private:

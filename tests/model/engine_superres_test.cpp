@@ -326,6 +326,15 @@ TEST_CASE("a spill folder that takes no files is named") {
   CHECK_THROWS_WITH(scene.rendered(engine, 8), Catch::Contains("/nowhere"));
 }
 
+TEST_CASE("a folder for temporary files is needed for spilling only, and named where it is missing") {
+  const Scene scene(kOdd, 16, 16);
+  const test::EnvironmentVariable variable("TMPDIR", "/nowhere");
+  CHECK_NOTHROW(scene.by_engine(8));
+  const auto engine = scene.engine({.budget = {.memory_bytes = 0, .spill_bytes = std::size_t(1) << 30}});
+  CHECK_THROWS_AS(scene.rendered(engine, 8), core::BadInput);
+  CHECK_THROWS_WITH(scene.rendered(engine, 8), Catch::Contains("TMPDIR=/nowhere"));
+}
+
 TEST_CASE("extreme images give finite pictures, the network's") {
   Scene scene(kOdd, 24, 24);
   const auto [name, value] =
