@@ -203,9 +203,22 @@ NetworkConfig config_from_json(const std::string& json) {
       return name == first;
     };
     config.architecture = one_of("architecture", "superres", "blend") ? Architecture::kSuperres : Architecture::kBlend;
-    config.neighbours = parsed.at("neighbours").get<int>();
-    config.channels = parsed.at("channels").get<std::vector<int>>();
-    config.query_channels = parsed.at("query_channels").get<std::vector<int>>();
+    // The parser would make whole numbers of others by cutting off what does not fit.
+    const auto whole = [](const char* key, const Json& number) {
+      if (!number.is_number_unsigned() || number.get<std::uint64_t>() > std::uint64_t(kMaxChannels)) {
+        throw core::BadInput("network configuration: " + std::string(key) + " has " + number.dump() +
+                             ", must have whole numbers up to " + std::to_string(kMaxChannels));
+      }
+      return number.get<int>();
+    };
+    const auto list = [&](const char* key) {
+      std::vector<int> numbers;
+      for (const Json& number : parsed.at(key).get_ref<const Json::array_t&>()) numbers.push_back(whole(key, number));
+      return numbers;
+    };
+    config.neighbours = whole("neighbours", parsed.at("neighbours"));
+    config.channels = list("channels");
+    config.query_channels = list("query_channels");
     config.sharpness = parsed.at("sharpness").get<double>();
     config.pooling = one_of("pooling", "alias_free", "average") ? Pooling::kAliasFree : Pooling::kAverage;
   } catch (const Json::exception&) {

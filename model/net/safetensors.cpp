@@ -91,12 +91,37 @@ StoredTensor parse_tensor(const fs::path& path, const std::string& name, const J
   }
 }
 
+// Texts in the header are mostly JSON, and what walks through JSON goes one call deeper for each level.
+void refuse_deep_nesting(const fs::path& path, const std::map<std::string, std::string>& metadata) {
+  constexpr int kMostLevels = 500;
+  for (const auto& [key, text] : metadata) {
+    int level = 0;
+    bool in_string = false, escaped = false;
+    for (const char c : text) {
+      if (in_string) {
+        in_string = escaped || c != '"';
+        escaped = !escaped && c == '\\';
+        continue;
+      }
+      in_string = c == '"';
+      if (c == '[' || c == '{') ++level;
+      if (c == ']' || c == '}') --level;
+      if (level > kMostLevels) {
+        throw bad_file(path, "its " + key + " is nested more than " + std::to_string(kMostLevels) + " levels deep");
+      }
+    }
+  }
+}
+
 // The parser keeps the last of several entries of one name, and the file would mean something else to another reader.
 Json parse_header(const fs::path& path, const std::string& text) {
-  std::set<std::string> names;
+  std::vector<std::set<std::string>> names(3);  // by depth: tensors and __metadata__, and the keys of each
   const auto refuse_duplicates = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    if (event == Json::parse_event_t::key && depth == 1 && !names.insert(parsed.get<std::string>()).second) {
-      throw bad_file(path, "tensor '" + parsed.get<std::string>() + "' stands in the header twice");
+    if (event != Json::parse_event_t::key || depth > 2) return true;
+    const auto name = parsed.get<std::string>();
+    if (depth == 1) names[2].clear();
+    if (!names[std::size_t(depth)].insert(name).second) {
+      throw bad_file(path, (depth == 1 ? "tensor '" : "'") + name + "' stands in the header twice");
     }
     return true;
   };
@@ -135,6 +160,7 @@ SafetensorsHeader read_safetensors_header(const fs::path& path) {
       throw bad_file(path, "its __metadata__ is not a list of texts");
     }
   }
+  refuse_deep_nesting(path, header.metadata);
   std::stable_sort(header.tensors.begin(), header.tensors.end(),
                    [](const auto& a, const auto& b) { return a.begin < b.begin; });
   std::uint64_t end = 0;
@@ -165,6 +191,7 @@ std::vector<float> read_tensor(const fs::path& path, const StoredTensor& tensor)
 
 void write_safetensors(const fs::path& path, const std::map<std::string, std::string>& metadata,
                        std::span<const TensorToStore> tensors) {
+  refuse_deep_nesting(path, metadata);
   Json json;
   json[kMetadataKey] = metadata;
   std::size_t end = 0;

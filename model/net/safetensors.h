@@ -27,7 +27,8 @@ struct SafetensorsHeader {
 };
 
 // Reads the header alone. Throws BadInput naming the file, and the tensor where one is to blame, when the file is missing, truncated or
-// longer than its header says, when the header is no JSON of this format or larger than 16 MiB, and for types other than F32.
+// longer than its header says, when the header is no JSON of this format or larger than 16 MiB, for types other than F32, for two entries of one name, and for
+// metadata of which a text has more than 500 brackets open at a time, so that JSON in it can be walked through without fear.
 SafetensorsHeader read_safetensors_header(const std::filesystem::path& path);
 
 // The numbers of one tensor of that header. Throws BadInput when the file has become shorter, or holds NaN or infinity there.
@@ -38,7 +39,7 @@ struct TensorToStore {
   std::span<const float> values;
 };
 
-// Writes atomically (core/file.h). Tensors stand in the order given.
+// Writes atomically (core/file.h). Tensors stand in the order given. Throws BadInput for metadata that could not be read again.
 void write_safetensors(const std::filesystem::path& path, const std::map<std::string, std::string>& metadata,
                        std::span<const TensorToStore> tensors);
 

@@ -46,6 +46,27 @@ TrainingState from_json(const Json& json) {
   return state;
 }
 
+// "seed was 1, is 2; crop was 96, is 64"
+std::string differences(const std::string& before, const std::string& now) {
+  const Json parsed = Json::parse(before, nullptr, /*allow_exceptions=*/false);
+  if (!parsed.is_object() || parsed.empty()) return "it does not say which it had";
+  const Json was = parsed.flatten(), is = Json::parse(now).flatten();
+  Json keys = was;
+  keys.update(is);
+  const auto value = [](const Json& settings, const std::string& key) {
+    return settings.contains(key) ? settings.at(key).dump(-1, ' ', false, Json::error_handler_t::replace) : "absent";
+  };
+  constexpr std::size_t kMostShown = 4;
+  std::size_t different = 0;
+  std::string text;
+  for (const auto& [key, unused] : keys.items()) {
+    const std::string old_value = value(was, key), new_value = value(is, key);
+    if (old_value == new_value || ++different > kMostShown) continue;
+    text += (text.empty() ? "" : "; ") + key.substr(1) + " was " + old_value + ", is " + new_value;
+  }
+  return different <= kMostShown ? text : text + "; and " + std::to_string(different - kMostShown) + " more";
+}
+
 }  // namespace
 
 fs::path state_path(const fs::path& checkpoint) {
@@ -82,9 +103,8 @@ TrainingState load_state(const fs::path& path, const std::string& fingerprint, N
   if (text("format") != kFormat)
     throw core::BadInput(path.string() + ": is not the state of a training run of this version");
   if (text("fingerprint") != fingerprint) {
-    throw core::BadInput(path.string() +
-                         ": belongs to a run with other settings and cannot be resumed with these: it had " +
-                         text("fingerprint") + ", this run has " + fingerprint);
+    throw core::BadInput(path.string() + ": belongs to a run with other settings and cannot be resumed with these: " +
+                         differences(text("fingerprint"), fingerprint));
   }
   TrainingState state;
   std::map<std::string, std::int64_t> adam_steps;

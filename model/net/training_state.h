@@ -27,12 +27,12 @@ struct TrainingState {
 // OUT.state for a checkpoint OUT.
 std::filesystem::path state_path(const std::filesystem::path& checkpoint);
 
-// `fingerprint` is a text that says what the run is about; a run is resumed only with the same. The state file holds the current weights (the
+// `fingerprint` is a JSON text that says what the run is about; a run is resumed only with the same. The state file holds the current weights (the
 // checkpoint the best), Adam's moments, and the rest as JSON. Written atomically.
 void save_state(const std::filesystem::path& path, const TrainingState& state, const std::string& fingerprint,
                 const Network& network, const torch::optim::Adam& optimiser);
 
-// Throws BadInput naming the file when it is missing, damaged, or of a run with another fingerprint.
+// Throws BadInput naming the file when it is missing, damaged, or of a run with another fingerprint (and what differs).
 TrainingState load_state(const std::filesystem::path& path, const std::string& fingerprint, Network& network,
                          torch::optim::Adam& optimiser);
 

@@ -19,6 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using Catch::Matchers::Contains;
+using Catch::Matchers::EndsWith;
 
 core::OlatScan ball() {
   const core::ImageSize size{8, 8, 3};
@@ -117,7 +118,15 @@ TEST_CASE("a damaged network is refused when it is loaded, with the tensor named
   CHECK_THAT(with_config("lightstage-network", "lightstage-superres"), Contains("not a checkpoint"));
   CHECK_THAT(with_config(R"(\"channels\":[4,8])", R"(\"channels\":[4,12])"), Contains("encoder.1.conv.weight"));
   CHECK_THAT(with_config(R"(\"channels\":[4,8])", R"(\"channels\":[4,1073741824])"), Contains("channels"));
-  CHECK_THAT(with_config(R"(\"neighbours\":3)", R"(\"neighbours\":1e9)"), Contains("neighbours"));
+  for (const char* number : {"1e9", "4294967299", "3.7", "3.0", "true", "-1", "null", "[3]"}) {
+    CAPTURE(number);
+    CHECK_THAT(with_config(R"(\"neighbours\":3)", R"(\"neighbours\":)" + std::string(number)),
+               Contains("neighbours has " + std::string(number).substr(0, 1)));
+  }
+  CHECK_THAT(with_config(R"(\"channels\":[4,8])", R"(\"channels\":[4,8.5])"), Contains("channels has 8.5"));
+  CHECK_THAT(with_config(R"(\"channels\":[4,8])", R"(\"channels\":{\"a\":4,\"b\":8})"), Contains("channels"));
+  CHECK_THAT(with_config(R"("version":"2")", R"("version":"2","version":"2")"),
+             Contains("'version'") && Contains("twice"));
 }
 
 TEST_CASE("numbers that are not finite are refused wherever in a network they stand") {
@@ -132,6 +141,28 @@ TEST_CASE("numbers that are not finite are refused wherever in a network they st
                  Contains("tensor '" + tensor.info.name + "'") && Contains("NaN"));
     }
   }
+}
+
+TEST_CASE("texts in the header that are nested deeper than anything that was ever written are refused") {
+  const test::TemporaryFolder folder;
+  const std::string good = trained(folder / "good");
+  const std::string header = header_of(good);
+  const std::string provenance = R"("provenance":")";
+  const auto with_provenance = [&](const std::string& text) {
+    core::write_file_atomically(folder / "bad", with_header(good, replaced(header, provenance, provenance + text)));
+    return problem([&] { model::read_checkpoint_info(folder / "bad"); });
+  };
+  for (const char* bracket : {"[", R"({\"a\":)"}) {
+    std::string deep;
+    for (int i = 0; i < 200000; ++i) deep += bracket;
+    CHECK_THAT(with_provenance(deep), Contains("bad") && Contains("provenance") && Contains("nested"));
+  }
+  std::string wide;
+  for (int i = 0; i < 2000; ++i) wide += "[],";
+  CHECK(with_provenance(wide) == "no error");
+  // Brackets in a text are no nesting, wherever it seems to end.
+  CHECK(with_provenance(R"(\"\\\")" + std::string(2000, '[') + R"(\",)") == "no error");
+  CHECK_THAT(with_provenance(R"(\"\\\\\")" + std::string(2000, '[')), Contains("nested"));
 }
 
 TEST_CASE("a header that claims more than memory holds is refused before anything is allocated") {
@@ -179,7 +210,8 @@ TEST_CASE("a training state that is damaged or of another run is not resumed") {
   CHECK_THAT(with("lightstage-training-3", "lightstage-training-2"), Contains("not the state"));
   CHECK_THAT(with(R"(\"step\":1)", R"(\"step\":{})"), Contains("damaged"));
   CHECK_THAT(with(R"(\"adam_steps\")", R"(\"adam_stops\")"), Contains("damaged"));
-  CHECK_THAT(with(R"(\"seed\":1)", R"(\"seed\":2)"), Contains("other settings"));
+  CHECK_THAT(with(R"(\"seed\":1)", R"(\"seed\":2)"), Contains("other settings") && EndsWith("these: seed was 2, is 1"));
+  CHECK_THAT(with(R"(\"crop\":8,)", R"(\"clip\":8,)"), EndsWith("these: clip was 8, is absent; crop was absent, is 8"));
   CHECK_THAT(with("weight/query.0.bias", "weight/query.0.bios"), Contains("weight/query.0.bias"));
   CHECK_THAT(with("mean/encoder.1.conv.bias", "mien/encoder.1.conv.bias"), Contains("mean/encoder.1.conv.bias"));
   CHECK_FALSE(fs::exists(folder / "end"));
