@@ -53,6 +53,33 @@ std::unique_ptr<Network> first_network(const TrainOptions& options) {
   return network;
 }
 
+bool same_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  return fs::weakly_canonical(a, error) == fs::weakly_canonical(b, error);
+}
+
+// A run writes its first checkpoint before it has learned anything: over a finished model that would be the end of it.
+void refuse_existing(const fs::path& out, const std::optional<fs::path>& resume) {
+  if (out.filename().empty()) throw core::UsageError("training: '" + out.string() + "' names no file to write");
+  if (resume && same_file(*resume, out)) return;
+  for (const fs::path& file : {out, last_checkpoint_path(out)}) {
+    std::error_code error;
+    if (!fs::exists(file, error)) continue;
+    throw core::UsageError("training: " + file.string() +
+                           " exists and would be replaced; write to another file, or resume the run of " +
+                           out.string());
+  }
+}
+
+// The state beside a checkpoint that is to be resumed.
+fs::path state_to_resume(const fs::path& checkpoint) {
+  const fs::path state = state_path(checkpoint);
+  if (fs::exists(state)) return state;
+  throw core::BadInput(checkpoint.string() + ": there is no " + state.filename().string() +
+                       " beside it to resume from; a run is resumed from the file it was told to write, not from its "
+                       "last.safetensors");
+}
+
 class Run {
  public:
   // `make_data` is given the size that windows must be multiples of.
@@ -92,6 +119,8 @@ class Run {
   // Level of the pictures that are trained now; 0 when the network does not grow.
   double position() const;
   void save();
+  // The same when something was thrown, which matters more than a failure to save.
+  void save_unfinished() noexcept;
   std::string provenance(double validation) const;
   void show(core::Progress& progress, std::size_t& shown, std::size_t total) const;
 
@@ -117,9 +146,13 @@ std::vector<torch::optim::OptimizerParamGroup> Run::parameter_groups(const Netwo
 
 void Run::start() {
   if (options_.resume) {
-    state_ = load_state(state_path(*options_.resume), settings_.dump(), *network_, optimiser_);
+    state_ = load_state(state_to_resume(*options_.resume), settings_.dump(), *network_, optimiser_);
     seconds_before_ = state_.seconds;
-    if (*options_.resume != out_) {
+    // The best weights so far, which may remain the best.
+    if (!(load_network(*options_.resume)->config() == options_.config)) {
+      throw core::BadInput(options_.resume->string() + ": is not the network of the run whose state stands beside it");
+    }
+    if (!same_file(*options_.resume, out_)) {
       core::write_file_atomically(out_,
                                   core::read_text_file(*options_.resume, std::numeric_limits<std::size_t>::max()));
     }
@@ -127,8 +160,12 @@ void Run::start() {
   }
   state_.guide_validation = validation([](const Example& example) { return example.guide; });
   state_.best_validation = state_.first_validation = validation();
+  if (!std::isfinite(state_.first_validation)) {
+    throw core::BadInput((options_.start_from ? options_.start_from->string() : "the untrained network") +
+                         ": its pictures of what it is to be trained on are not finite");
+  }
+  save();  // first, so that a checkpoint always has its state beside it
   save_network(out_, *network_, provenance(state_.best_validation));
-  save();
 }
 
 double Run::fraction() const {
@@ -199,13 +236,13 @@ bool Run::validate() {
   if (!std::isfinite(point.validation)) return false;
   point.seconds = elapsed();
   point.level = position();
+  if (point.validation < state_.best_validation) {
+    save_network(out_, *network_, provenance(point.validation));
+    state_.best_validation = point.validation;
+  }
   state_.curve.push_back(point);
   state_.loss_sum = 0;
   state_.loss_count = 0;
-  if (point.validation < state_.best_validation) {
-    state_.best_validation = point.validation;
-    save_network(out_, *network_, provenance(state_.best_validation));
-  }
   save();
   return true;
 }
@@ -216,6 +253,15 @@ void Run::save() {
   const double last = state_.curve.empty() ? state_.best_validation : state_.curve.back().validation;
   save_network(last_checkpoint_path(out_), *network_, provenance(last));
   write_curve();
+}
+
+void Run::save_unfinished() noexcept {
+  try {
+    save();
+    core::note("training stops at step " + std::to_string(state_.step) + "; resume it from " + out_.string());
+  } catch (const std::exception& error) {
+    core::warn("training stops at step " + std::to_string(state_.step) + ", which was not saved: " + error.what());
+  }
 }
 
 bool Run::out_of_patience() const {
@@ -283,9 +329,9 @@ TrainReport Run::train() {
   TrainReport report;
   try {
     take_steps(report);
-  } catch (const core::Interrupted&) {  // thrown between steps, or while one prepares its pictures
-    save();
-    core::note("training stops at step " + std::to_string(state_.step) + "; resume it from " + out_.string());
+  } catch (...) {
+    // Ctrl-C, a picture that cannot be read, memory or disk used up: all of that before a step changes anything.
+    save_unfinished();
     throw;
   }
   if (report.stopped_by_nan) {
@@ -309,6 +355,7 @@ TrainReport Run::train() {
 
 TrainReport train(std::span<const core::OlatScan> scans, const TrainOptions& options, const fs::path& out) {
   check(options);
+  refuse_existing(out, options.resume);
   if (scans.empty()) throw core::UsageError("training: there is no scan to train on");
   const core::InterruptGuard guard;
   prepare_torch();
@@ -326,6 +373,7 @@ TrainReport train(const SimulatedViews& views, const TrainOptions& given, const 
   TrainOptions options = given;
   options.active_set = ActiveSetChoice::kNaive;  // for the record
   check(options);
+  refuse_existing(out, options.resume);
   const core::InterruptGuard guard;
   prepare_torch();
   return Run(options, out, Json::parse(views.description),

@@ -96,8 +96,10 @@ struct SimulatedViews {
 // (0.9, 0.999, 1e-7). Writes the best checkpoint by validation to `out` (atomically; first the untrained one, then at every
 // validation that improves); at every validation the current one to last_checkpoint_path(out), the optimiser's state to OUT.state for
 // resuming, and the curve to OUT.csv and OUT.png. A resumed run counts the steps and the time of the runs before it into its budget. Bit-equal for a seed and step budget on one thread, resumed or
-// not. Memory: 12 bytes a light and pixel of the mask's bounding box. Throws UsageError for options out of range and for scans with
-// fewer lights than neighbours + 1, BadInput for a state that cannot be resumed, Interrupted on Ctrl-C after writing the state.
+// not. Whatever is thrown after the first step, the state is written first. Memory: 12 bytes a light and pixel of the mask's bounding box. Throws
+// UsageError for options out of range, for scans with fewer lights than neighbours + 1, and where `out` names no file, or it or its last
+// checkpoint exists and it is not the run to be resumed; BadInput for a run that cannot be resumed (a checkpoint or state that is missing, damaged or of other
+// settings or pictures) and a network that makes no finite pictures of the scans; Interrupted on Ctrl-C.
 TrainReport train(std::span<const core::OlatScan> scans, const TrainOptions& options, const std::filesystem::path& out);
 
 // "x.last.safetensors" for "x.safetensors": the weights with which a run ended or goes on, where `out` has the best.

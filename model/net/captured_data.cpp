@@ -68,7 +68,8 @@ CapturedScan::CapturedScan(const core::OlatScan& scan, const TrainOptions& optio
   const std::size_t lights = directions_.size();
   const int neighbours = options.config.neighbours;
   if (lights < std::size_t(neighbours) + 1) {
-    throw core::UsageError("scan '" + scan.name() + "' has " + std::to_string(lights) + " lights; training with " +
+    throw core::UsageError("scan '" + scan.name() + "' has " + std::to_string(lights) +
+                           (lights == 1 ? " light" : " lights") + " to learn from; training with " +
                            std::to_string(neighbours) + " neighbours needs at least " + std::to_string(neighbours + 1));
   }
   choose_neighbours(options.candidates);

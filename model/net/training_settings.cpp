@@ -85,7 +85,8 @@ Json description(std::span<const core::OlatScan> scans) {
     names.push_back({{"name", scan.name()},
                      {"lights", scan.light_count()},
                      {"height", scan.image_size().height},
-                     {"width", scan.image_size().width}});
+                     {"width", scan.image_size().width},
+                     {"exposure", scan.exposure()}});
   }
   return names;
 }

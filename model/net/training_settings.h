@@ -18,6 +18,7 @@ ActiveSetChoice active_set_choice(const TrainOptions& options);
 
 // What must be equal for a run to be resumed; `data` describes what it learns from.
 nlohmann::json training_settings(const nlohmann::json& data, const TrainOptions& options);
+// Names, sizes and exposures: the last knows one recording of a subject from another. Reads every image.
 nlohmann::json description(std::span<const core::OlatScan> scans);
 
 }  // namespace lightstage::model

@@ -234,7 +234,7 @@ TEST_CASE("a run is resumed with its own settings only") {
   options.seed = 1;
   CHECK(model::train(std::span(&scan, 1), options, folder / "net").steps == 10);
   options.resume = folder / "nowhere";
-  CHECK_THROWS_AS(model::train(std::span(&scan, 1), options, folder / "net"), core::BadInput);
+  CHECK_THROWS_AS(model::train(std::span(&scan, 1), options, folder / "other"), core::BadInput);
 }
 
 TEST_CASE("on real photographs training beats interpolation at lights that were never truth") {
