@@ -75,7 +75,9 @@ void add_bench(CLI::App& program, Context& context) {
   CLI::App* network = command->add_subcommand(
       "model", "The published network's engine against plain libtorch: time, precision, memory, training");
   network->fallthrough();
-  network->add_option("--size", options->size, "Pixels a side of the square picture")
+  network
+      ->add_option("--size", options->size,
+                   "Pixels a side of the square picture: a multiple of 2^levels (tiny 16, small 32, paper 128)")
       ->capture_default_str()
       ->check(CLI::Range(1, 2048));
   network->add_option("--preset", options->preset, "tiny, small, or paper (the network as published)")

@@ -207,7 +207,9 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_flag("--no-noise", options->no_noise, "A sensor without noise and quantisation");
   command->add_flag("--no-motion", options->no_motion, "A subject that stands still");
   command->add_flag("--bounce", options->bounce, "One bounce of indirect light");
-  command->add_option("--seed", options->seed, "Seed of noise, motion and faults")->capture_default_str();
+  command->add_option("--seed", options->seed, "Seed of noise, motion and faults")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--drop", options->drop, "Lose the frame of the n-th exposure (from 0), to see it retaken");
   command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name");
   command->callback([options, &context] { capture_scan(*options, context); });

@@ -52,7 +52,7 @@ std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store
     for (const model::MethodInfo& method : model::methods()) {
       const auto architecture = network_of(method.name);
       if (architecture != model::Architecture::kSuperres || architecture == given ||
-          newest_model(store, scan_id, architecture)) {
+          newest_model(store, scan_id, {.architecture = architecture})) {
         names.push_back(method.name);
       }
     }
@@ -81,19 +81,22 @@ std::vector<model::InterpolatorFactory> factories(const std::vector<MethodChoice
   return made;
 }
 
-// Whether a model of this origin may have been trained on the lights 0, every, 2 every, ...; what it started from counts too.
+// Whether a model of this origin may have been trained on the lights 0, every, 2 every, ...; what it started from counts too. What
+// cannot be understood may mean anything.
 bool may_have_seen(const ordered_json& provenance, int every) {
   if (!provenance.is_object()) return true;
   const auto started_from = provenance.find("start_from");
-  if (started_from != provenance.end() && started_from->is_object() &&
-      may_have_seen(started_from->value("provenance", ordered_json()), every)) {
-    return true;
+  if (started_from != provenance.end() && !started_from->is_null()) {
+    if (!started_from->is_object() || may_have_seen(started_from->value("provenance", ordered_json()), every))
+      return true;
   }
   const auto data = provenance.find("data");
   const bool simulated_views_alone = data != provenance.end() && data->is_object();
   if (simulated_views_alone) return false;
-  const int held_out_every = provenance.value("held_out_every", 0);
-  return held_out_every == 0 || every % held_out_every != 0;
+  const auto held_out = provenance.find("held_out_every");
+  if (held_out == provenance.end() || !held_out->is_number_integer()) return true;
+  const auto held_out_every = held_out->get<std::int64_t>();
+  return held_out_every <= 0 || every % held_out_every != 0;
 }
 
 // A network that has seen the very lights it is asked to predict would be flattered.
@@ -102,10 +105,11 @@ void warn_if_seen_in_training(const Options& options, const std::vector<MethodCh
     if (choice.options.model_file.empty()) continue;
     const std::string provenance = model::read_checkpoint_info(choice.options.model_file).provenance;
     if (may_have_seen(ordered_json::parse(provenance, nullptr, false), options.every)) {
-      core::warn(choice.method +
-                 " may have been trained on the lights held out here: its errors are flattered; train with "
-                 "--hold-out-every " +
-                 std::to_string(options.every));
+      const std::string remedy = options.every == 1
+                                     ? "train with --hold-out-every N and evaluate with --every N, N from 2"
+                                     : "train with --hold-out-every " + std::to_string(options.every);
+      core::warn(choice.method + " may have been trained on the lights held out here: its errors are flattered; " +
+                 remedy);
     }
   }
 }
@@ -278,7 +282,9 @@ void add_evaluate(CLI::App& program, Context& context) {
   command->add_option("--directions", options->directions, "Off grid: number of random directions")
       ->capture_default_str()
       ->check(CLI::Range(1, 100000));
-  command->add_option("--seed", options->seed, "Off grid: seed of the directions")->capture_default_str();
+  command->add_option("--seed", options->seed, "Off grid: seed of the directions")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   command->add_flag("--linear", options->linear, "Judge linear values instead of display-encoded ones");
   command->add_option("--sheet", options->sheet,
                       "Off grid: write a contact sheet of truth, methods and differences (.png)");

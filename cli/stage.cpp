@@ -73,7 +73,9 @@ void add_stage(CLI::App& program, Context& context) {
       ->capture_default_str()
       ->check(number_between(0.0, 1.0));
   command->add_option("--dead", options->simulation.dead_lights, "Simulation: lights that stay dark, by index");
-  command->add_option("--seed", options->simulation.seed, "Simulation: seed of the above")->capture_default_str();
+  command->add_option("--seed", options->simulation.seed, "Simulation: seed of the above")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
   command->add_option("--out", options->out, "The stage file to write")->required();
   command->callback([options, &context] {
     capture::Stage stage = design_stage(*options);

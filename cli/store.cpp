@@ -5,6 +5,7 @@
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/jobs/scans.h"
 #include "core/error.h"
 
 namespace lightstage::cli {
@@ -107,7 +108,9 @@ void add_store(CLI::App& program, Context& context) {
   check->fallthrough();
   check->callback([&context] { verify(context); });
 
-  CLI::App* remove = command->add_subcommand("rm", "Remove a scan and what was derived from it");
+  CLI::App* remove = command->add_subcommand("rm",
+                                             "Remove a scan with its masks and alignments and the entries of pictures "
+                                             "and models made from it; their files stay");
   remove->fallthrough();
   auto doomed = std::make_shared<std::string>();
   auto certain = std::make_shared<bool>(false);
@@ -117,8 +120,13 @@ void add_store(CLI::App& program, Context& context) {
     db::Store store = context.open_store();
     const db::Scan scan = store.scan(*doomed);
     if (!*certain) throw core::UsageError("removing '" + scan.name + "' cannot be undone: add --yes");
-    store.remove_scan(scan.id);
-    context.result("removed '" + scan.name + "'\n", {{"removed", scan.name}});
+    std::string text = "removed '" + scan.name + "'\n";
+    ordered_json left = ordered_json::array();
+    for (const db::Product& weights : store.remove_scan(scan.id)) {
+      left.push_back(weights_file(weights).string());
+      text += "no longer listed: the model trained on it, " + left.back().get<std::string>() + "; its file stays\n";
+    }
+    context.result(text, {{"removed", scan.name}, {"models_left", left}});
   });
 }
 

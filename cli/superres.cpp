@@ -23,26 +23,44 @@ struct Options {
   MethodChoice method;
 };
 
-// Trains the chosen network further on this very scan; the result stays in the store, where the next command finds it.
-std::filesystem::path adapt(db::Store& store, const std::string& scan, const MethodChoice& choice, double minutes) {
+// Trains the chosen network further on this very scan, or goes on where an earlier command was interrupted in that. The result stays in the store,
+// where other commands find it.
+void adapt(db::Store& store, const std::string& scan, const MethodChoice& choice, double minutes,
+           const std::filesystem::path& out) {
   if (choice.options.model_file.empty()) throw core::UsageError("--adapt: method " + choice.method + " is no network");
-  const std::filesystem::path folder = store.folder() / "models";
-  std::filesystem::create_directories(folder);
+  std::error_code error;
+  std::filesystem::create_directories(out.parent_path(), error);
+  if (error) throw core::StoreError(out.parent_path().string() + ": cannot be made: " + error.message());
   model::TrainOptions options;
   options.config = model::read_checkpoint_info(choice.options.model_file).config;
   options.start_from = choice.options.model_file;
   options.minutes = minutes;
   options.crop = 128;
-  const std::filesystem::path out = folder / (scan + "-" + choice.method + ".safetensors");
+  if (std::filesystem::exists(out)) {
+    options.resume = out;
+  } else {
+    std::filesystem::remove(model::last_checkpoint_path(out), error);  // of a run that was killed as it began
+  }
   train_on_scans(store, {scan}, options, out);
-  return out;
 }
 
 void run_superres(const Options& options, Context& context) {
   db::Store store = context.open_store();
   const db::Scan scan = store.scan(options.name);
-  MethodChoice choice = resolve(options.method, store, scan.id);
-  if (options.adapt_minutes) choice.options.model_file = adapt(store, options.name, choice, *options.adapt_minutes);
+  // What is wrong with the name is said before long work.
+  const auto existing = store.find_scan(options.out);
+  if (!existing) store.require_free_name(options.out);
+  if (existing && existing->kind != db::ScanKind::kVirtual) throw made_otherwise(options.out);
+  MethodChoice choice = resolve(options.method, store, scan.id, /*adapted=*/!options.adapt_minutes);
+  if (options.adapt_minutes) {
+    const std::filesystem::path adapted = adapted_models_folder(store) / (options.out + ".safetensors");
+    if (!existing) {
+      adapt(store, options.name, choice, *options.adapt_minutes, adapted);
+    } else if (!std::filesystem::is_regular_file(adapted)) {
+      throw made_otherwise(options.out);
+    }
+    choice.options.model_file = adapted;
+  }
   const db::LoadedScan source = load_scan(store, options.name);
   const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
 
@@ -52,6 +70,7 @@ void run_superres(const Options& options, Context& context) {
                                     {"neighbours", choice.options.neighbours},
                                     {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
                                     {"program_version", core::kVersion}};
+  if (options.adapt_minutes) parameters["adapt_minutes"] = *options.adapt_minutes;
   if (choice.options.sharpness) parameters["sharpness"] = *choice.options.sharpness;
   if (!choice.options.model_file.empty()) parameters["model_hash"] = db::hash_file(choice.options.model_file).hex();
   if (source.calibration_id) parameters["calibration"] = *source.calibration_id;
@@ -85,7 +104,8 @@ void add_superres(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 1000000));
   command
       ->add_option("--adapt", options->adapt_minutes,
-                   "First train the network for so many minutes on this scan, from where it stands")
+                   "First train the network for so many minutes on this scan, from where it stands; the same command "
+                   "goes on with what was interrupted")
       ->check(number_between(0.01, 1e5));
   add_method_options(*command, options->method);
   command->callback([options, &context] { run_superres(*options, context); });

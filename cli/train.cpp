@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <limits>
 #include <map>
 
 #include <CLI/CLI.hpp>
@@ -11,6 +12,7 @@
 #include "cli/jobs/train.h"
 #include "cli/options.h"
 #include "core/error.h"
+#include "core/text.h"
 #include "model/training.h"
 
 namespace lightstage::cli {
@@ -22,7 +24,7 @@ struct Options {
   std::string preset = "tiny";
   std::string start_from;
   std::optional<int> neighbours;
-  std::vector<int> channels;
+  std::string channels;
   model::Pooling pooling = model::Pooling::kAliasFree;
   bool freeze_sharpness = false;
   std::filesystem::path out;
@@ -54,7 +56,9 @@ void show(const model::TrainReport& report, const Options& options, Context& con
 model::TrainReport train_on_simulated(const Options& options) {
   SimulatedViewsOptions views{.views = *options.simulated, .meshes = {}, .seed = options.train.seed};
   if (!options.meshes.empty()) {
-    for (const auto& entry : std::filesystem::directory_iterator(options.meshes)) views.meshes.push_back(entry.path());
+    for (const auto& entry : std::filesystem::directory_iterator(options.meshes)) {
+      if (entry.is_regular_file()) views.meshes.push_back(entry.path());
+    }
     std::sort(views.meshes.begin(), views.meshes.end());
     if (views.meshes.empty()) throw core::BadInput(options.meshes.string() + ": holds no meshes");
   }
@@ -66,11 +70,24 @@ std::filesystem::path model_file(const std::string& file_or_name, const Context&
   return find_model(context.open_store(), file_or_name);
 }
 
+// "16,32,64"; CLI11 would pass over a number that is missing between commas.
+std::vector<int> whole_numbers(const std::string& option, const std::string& text) {
+  std::vector<int> numbers;
+  for (const std::string_view piece : core::split(text, ',')) {
+    const auto number = core::parse_integer(core::trim(piece));
+    if (!number || *number < 0 || *number > std::numeric_limits<int>::max()) {
+      throw core::UsageError(option + ": '" + text + "' is not a list of whole numbers, separated by commas");
+    }
+    numbers.push_back(int(*number));
+  }
+  return numbers;
+}
+
 // The preset with the sizes that were asked for.
 model::NetworkConfig network_of(const Options& options) {
   model::NetworkConfig config = model::network_preset(options.preset);
   if (options.neighbours) config.neighbours = *options.neighbours;
-  if (!options.channels.empty()) config.channels = options.channels;
+  if (!options.channels.empty()) config.channels = whole_numbers("--channels", options.channels);
   if (options.pooling == model::Pooling::kAverage && config.architecture != model::Architecture::kSuperres) {
     throw core::UsageError("--pooling average: " + options.preset + " pools alias_free only");
   }
@@ -120,31 +137,33 @@ void add_train(CLI::App& program, Context& context) {
       "  lightstage train bear --preset blend --hold-out-every 4 --minutes 5 --out bear.safetensors\n"
       "  lightstage evaluate bear --held-out --every 4 --method blend,rbf,linear --model bear.safetensors");
   auto options = std::make_shared<Options>();
-  command->add_option("SCAN", options->scans, "Scans to learn from");
-  command->add_option("--out", options->out, "The model file to write (.safetensors)")->required();
+  CLI::Option* scans = command->add_option("SCAN", options->scans, "Scans to learn from");
   command
-      ->add_option("--preset", options->preset,
-                   "Network: tiny, small or paper (superres, from small to as published), or blend")
-      ->capture_default_str();
+      ->add_option("--out", options->out,
+                   "The model file to write (.safetensors); it must not exist, unless it is the one to resume")
+      ->required();
+  CLI::Option* preset =
+      command
+          ->add_option("--preset", options->preset,
+                       "Network: tiny, small or paper (superres, from small to as published), or blend")
+          ->capture_default_str();
   CLI::Option* neighbours = command
                                 ->add_option("--neighbours", options->neighbours,
                                              "Lights a picture is made from, instead of the preset's number (8)")
                                 ->check(CLI::Range(1, 64));
   CLI::Option* channels =
-      command
-          ->add_option("--channels", options->channels,
-                       "Channels of each level, from fine to coarse, instead of the preset's: 16,32,64")
-          ->delimiter(',')
-          ->check(CLI::Range(4, 512));
+      command->add_option("--channels", options->channels,
+                          "Channels of each level, from fine to coarse, instead of the preset's: 16,32,64");
   const std::map<std::string, model::ActiveSetChoice> active_sets{{"random", model::ActiveSetChoice::kRandom},
                                                                   {"naive", model::ActiveSetChoice::kNaive},
                                                                   {"thinned", model::ActiveSetChoice::kThinned}};
-  command
-      ->add_option("--active-set", options->train.active_set,
-                   "Neighbours of a captured light in training: random ones of the nearest 16 [superres]; naive, the "
-                   "nearest; or thinned, the nearest of "
-                   "a stage with fewer lights, among which it stands as queries do [blend]")
-      ->transform(CLI::CheckedTransformer(active_sets));
+  CLI::Option* active_set =
+      command
+          ->add_option("--active-set", options->train.active_set,
+                       "Neighbours of a captured light in training: random ones of the nearest 16 [superres]; naive, the "
+                       "nearest; or thinned, the nearest of a stage with fewer lights, among which it stands as queries "
+                       "do [blend]")
+          ->transform(CLI::CheckedTransformer(active_sets));
   const std::map<std::string, model::Pooling> poolings{{"alias_free", model::Pooling::kAliasFree},
                                                        {"average", model::Pooling::kAverage}};
   CLI::Option* pooling =
@@ -157,7 +176,7 @@ void add_train(CLI::App& program, Context& context) {
                    "on or off: train coarse pictures first [on for small and paper; blend cannot]")
       ->transform(CLI::CheckedTransformer(on_off));
   command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
-  command->add_option("--steps", options->train.steps, "Train for so many steps instead")
+  command->add_option("--steps", options->train.steps, "At most so many steps, instead of --minutes or besides them")
       ->check(CLI::Range(std::int64_t(1), std::int64_t(1) << 40));
   command->add_option("--crop", options->train.crop, "Side of the training crops, pixels")
       ->capture_default_str()
@@ -181,26 +200,34 @@ void add_train(CLI::App& program, Context& context) {
       ->add_option("--early-stop", options->train.early_stop,
                    "Stop after so many validations without a new best one; progressive training counts at full size")
       ->check(CLI::Range(1, 1 << 30));
-  command->add_option("--seed", options->train.seed, "Seed of weights and draws")->capture_default_str();
-  command
-      ->add_option("--hold-out-every", options->hold_out_every,
-                   "Never show the network lights 0, n, 2n, ..., so that `evaluate --held-out --every n` is fair")
-      ->check(CLI::Range(2, 1000));
+  command->add_option("--seed", options->train.seed, "Seed of weights and draws")
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  CLI::Option* hold_out =
+      command
+          ->add_option("--hold-out-every", options->hold_out_every,
+                       "Never show the network lights 0, n, 2n, ..., so that `evaluate --held-out --every n` is fair")
+          ->check(CLI::Range(2, 1000));
   CLI::Option* simulated =
       command
           ->add_option("--simulated", options->simulated,
                        "Learn from so many simulated views, with the truth between the lights, instead of scans")
-          ->check(CLI::Range(5, 100000));
+          ->check(CLI::Range(5, 100000))
+          ->excludes(scans)
+          ->excludes(active_set)
+          ->excludes(hold_out);
   command->add_option("--meshes", options->meshes, "Folder of head meshes for every second simulated view")
       ->needs(simulated)
       ->check(CLI::ExistingDirectory);
   command
       ->add_option("--start-from", options->start_from,
                    "Train this model (a file, a name, or blend, the shipped one) further on other data")
+      ->excludes(preset)
       ->excludes(pooling)
       ->excludes(neighbours)
       ->excludes(channels);
-  command->add_option("--resume", options->train.resume, "Go on from this checkpoint");
+  command->add_option("--resume", options->train.resume,
+                      "Go on with the run that wrote this file (its --out), with the same options");
   command->callback([options, &context] { run_train(*options, context); });
 }
 

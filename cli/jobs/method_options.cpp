@@ -20,7 +20,8 @@ void add_method_options(CLI::App& command, MethodChoice& choice) {
   }
   command.add_option(
       "--method", choice.method,
-      "How pictures between the lights are made [by the newest model trained on the scan, else blend]:" + names);
+      "How pictures between the lights are made [by the newest model trained on the scan that beat rbf, else blend]:" +
+          names);
   command.add_option(
       "--model", choice.model,
       "Model file or name, for blend and superres [the newest trained on the scan; blend has one from the start]");
@@ -52,7 +53,7 @@ void add_method_options(CLI::App& command, MethodChoice& choice) {
       ->transform(CLI::CheckedTransformer(domains));
 }
 
-MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id) {
+MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id, bool adapted) {
   std::vector<std::string> names;
   for (const model::MethodInfo& method : model::methods()) names.push_back(method.name);
   if (!choice.method.empty() && std::find(names.begin(), names.end(), choice.method) == names.end()) {
@@ -61,11 +62,16 @@ MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id 
   MethodChoice resolved = choice;
   std::filesystem::path& file = resolved.options.model_file;
   const std::optional<model::Architecture> architecture = network_of(choice.method);
-  if (!choice.method.empty() && !architecture) return resolved;
+  if (!choice.method.empty() && !architecture) {
+    if (!choice.model.empty()) throw core::UsageError("--model: method " + choice.method + " is no network");
+    return resolved;
+  }
   if (!choice.model.empty()) {
     file = find_model(store, choice.model);
   } else {
-    file = newest_model(store, scan_id, architecture).value_or("");
+    const ModelFilter filter{
+        .architecture = architecture, .better_than_rbf = choice.method.empty(), .adapted = adapted};
+    file = newest_model(store, scan_id, filter).value_or("");
     if (file.empty() && architecture != model::Architecture::kSuperres) file = model::shipped_blend();
   }
   if (choice.method.empty()) {

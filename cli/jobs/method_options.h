@@ -25,8 +25,10 @@ struct MethodChoice {
 // Adds --method, --model, --neighbours, --sharpness and --domain.
 void add_method_options(CLI::App& command, MethodChoice& choice);
 
-// Fills in what the user left open: the method and, for networks, the model file. Throws UsageError when superres has no model.
-MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id);
+// Fills in what the user left open: the method and, for networks, the model file. With the method left open too, a model that was no better than
+// rbf is left out; with `adapted` false, one that `superres --adapt` made. Throws UsageError when superres has no model, and for a model
+// given to a method that is no network.
+MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id, bool adapted = true);
 
 // The architecture that a method of this name uses; nothing for methods that are no networks.
 std::optional<model::Architecture> network_of(const std::string& method);

@@ -1,6 +1,8 @@
 #include "cli/jobs/scans.h"
 
 #include <algorithm>
+#include <cmath>
+#include <set>
 
 #include <nlohmann/json.hpp>
 
@@ -9,6 +11,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/text.h"
+#include "db/content_hash.h"
 #include "model/shipped_model.h"
 
 namespace lightstage::cli {
@@ -24,13 +27,9 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
   return db::load_scan(store, name, options);
 }
 
-namespace {
-
-std::filesystem::path file_of(const db::Product& model) {
-  return nlohmann::json::parse(model.parameters).value("file", std::string());
+std::filesystem::path weights_file(const db::Product& weights) {
+  return nlohmann::json::parse(weights.parameters).value("file", std::string());
 }
-
-}  // namespace
 
 std::optional<std::filesystem::path> file_or_shipped_model(const std::string& file_or_name) {
   if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
@@ -44,7 +43,7 @@ std::filesystem::path find_model(const db::Store& store, const std::string& file
   const std::vector<db::Product> models = store.products("weights");
   std::vector<std::string> names{model::shipped_blend().stem().string()};
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
-    const std::filesystem::path file = file_of(*model);
+    const std::filesystem::path file = weights_file(*model);
     names.push_back(file.stem().string());
     if (names.back() != file_or_name) continue;
     if (std::filesystem::is_regular_file(file)) return file;
@@ -54,20 +53,52 @@ std::filesystem::path find_model(const db::Store& store, const std::string& file
                          core::did_you_mean(file_or_name, names));
 }
 
-std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id scan_id,
-                                                  std::optional<model::Architecture> architecture) {
+namespace {
+
+// Why a model that was entered like this is not to be taken; nothing when it may be.
+std::optional<std::string> objection(const nlohmann::json& entered, const std::filesystem::path& file,
+                                     const model::CheckpointInfo& info, const ModelFilter& filter) {
+  const std::string hash = entered.value("hash", std::string());
+  if (!hash.empty() && db::hash_file(file).hex() != hash) return "is no longer the file that was trained on this scan";
+  if (!filter.better_than_rbf) return std::nullopt;
+  const auto provenance = nlohmann::json::parse(info.provenance, nullptr, /*allow_exceptions=*/false);
+  const auto error = [&](const char* key) {
+    const bool known = provenance.is_object() && provenance.contains(key) && provenance.at(key).is_number();
+    return known ? provenance.at(key).get<double>() : std::nan("");
+  };
+  const double own = error("validation_l1"), rbf = error("rbf_validation_l1");
+  if (!(own >= rbf)) return std::nullopt;
+  return "was no better than rbf when it was trained (validation error " + core::number_text(own, 3) + ", rbf " +
+         core::number_text(rbf, 3) + ")";
+}
+
+}  // namespace
+
+std::filesystem::path adapted_models_folder(const db::Store& store) {
+  return store.folder() / "models";
+}
+
+std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id scan_id, const ModelFilter& filter) {
+  const std::filesystem::path adapted = std::filesystem::weakly_canonical(adapted_models_folder(store));
   const std::vector<db::Product> models = store.products("weights");
+  std::set<std::filesystem::path> seen;  // a run that was resumed has entered its file more than once: the last counts
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
     const std::vector<db::Id>& scans = model->input_scans;
     if (std::find(scans.begin(), scans.end(), scan_id) == scans.end()) continue;
-    const std::filesystem::path file = file_of(*model);
-    if (!std::filesystem::is_regular_file(file)) continue;
+    const std::filesystem::path file = weights_file(*model);
+    if (!seen.insert(file).second || !std::filesystem::is_regular_file(file)) continue;
+    if (!filter.adapted && file.parent_path() == adapted) continue;
+    std::string problem;
     try {
-      const model::Architecture found = model::read_checkpoint_info(file).config.architecture;
-      if (!architecture || found == *architecture) return file;
-    } catch (const core::BadInput& error) {
-      core::warn(std::string(error.what()) + "; it is left out");
+      const model::CheckpointInfo info = model::read_checkpoint_info(file);
+      if (filter.architecture && info.config.architecture != *filter.architecture) continue;
+      const auto found = objection(nlohmann::json::parse(model->parameters), file, info, filter);
+      if (!found) return file;
+      problem = file.string() + ": " + *found;
+    } catch (const core::Error& error) {
+      problem = error.what();
     }
+    core::warn(problem + "; it is left out, unless --model names it");
   }
   return std::nullopt;
 }

@@ -8,6 +8,8 @@
 #include <numbers>
 #include <random>
 
+#include "core/interrupt.h"
+#include "core/progress.h"
 #include "core/sphere.h"
 #include "db/content_hash.h"
 #include "sim/sensor.h"
@@ -159,7 +161,13 @@ model::TruthView make_view(const SimulatedViewsOptions& options, std::size_t ind
 
 model::SimulatedViews simulated_views(const SimulatedViewsOptions& options) {
   nlohmann::json meshes = nlohmann::json::array();
+  core::Progress progress("reading meshes", options.meshes.size());
   for (const std::filesystem::path& mesh : options.meshes) {
+    core::throw_if_interrupted();
+    sim::Simulation simulation;
+    simulation.subject = {.kind = sim::SubjectKind::kMesh, .mesh_path = mesh.string()};
+    const sim::World readable(simulation);
+    progress.advance();
     meshes.push_back({{"file", mesh.filename().string()}, {"hash", db::hash_file(mesh).hex()}});
   }
   const nlohmann::json description{{"views", options.views}, {"seed", options.seed}, {"meshes", meshes}};

@@ -19,8 +19,8 @@ struct SimulatedViewsOptions {
 
 // Views of 128 x 128 pixels, of a whole head or down to a third of it: stages of 48 to 331 lights, whole or a dome, about 6 to 30 degrees apart and turned at
 // random; 64 queries where the stage has lights, mostly in front of the subject; one subject a view, turned up to 60 degrees, its colour
-// changed at random; half the views with the noise of a sensor of 3,000 to 30,000 electrons. A view takes about 2 s on two cores. Throws BadInput for a mesh that cannot
-// be read.
+// changed at random; half the views with the noise of a sensor of 3,000 to 30,000 electrons. A view takes about 2 s on two cores. Reads every mesh once before the first view; throws
+// BadInput naming one that cannot be read.
 model::SimulatedViews simulated_views(const SimulatedViewsOptions& options);
 
 }  // namespace lightstage::cli

@@ -22,7 +22,7 @@ db::Scan begin_virtual_scan(db::Store& store, const db::LoadedScan& source, cons
                             const std::string& name) {
   if (const auto existing = store.find_scan(name)) {
     if (existing->kind == db::ScanKind::kVirtual && existing->provenance == provenance) return *existing;
-    throw core::UsageError("a scan '" + name + "' exists already, made in another way; choose another --out");
+    throw made_otherwise(name);
   }
   db::NewScan scan;
   scan.name = name;
@@ -61,6 +61,10 @@ db::Scan begin_virtual_scan(db::Store& store, const db::LoadedScan& source, cons
 }
 
 }  // namespace
+
+core::UsageError made_otherwise(const std::string& scan) {
+  return core::UsageError("a scan '" + scan + "' exists already, made in another way; choose another --out");
+}
 
 std::vector<core::Direction> virtual_directions(const std::vector<core::Direction>& lights, std::size_t n) {
   const double reach = 2 * core::median_spacing_radians(lights);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/direction.h"
+#include "core/error.h"
 #include "db/scan_loader.h"
 #include "db/store.h"
 #include "model/interpolator.h"
@@ -19,6 +20,9 @@ struct SuperresReport {
 
 // n directions of a Fibonacci lattice where the stage has lights (nearest one within twice the median spacing).
 std::vector<core::Direction> virtual_directions(const std::vector<core::Direction>& lights, std::size_t n);
+
+// That the scan cannot be gone on with, since it is not what is asked for now.
+core::UsageError made_otherwise(const std::string& scan);
 
 // Renders every direction and stores the pictures as the virtual scan `out`, with the source as its input; going on where an
 // earlier run of the same parameters stopped. Throws UsageError when `out` exists with other parameters.

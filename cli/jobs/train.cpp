@@ -21,6 +21,7 @@ core::OlatScan without_held_out(const core::OlatScan& scan, int every) {
 
 model::TrainReport train_on_scans(db::Store& store, const std::vector<std::string>& scans,
                                   const model::TrainOptions& options, const std::filesystem::path& out) {
+  store.require_writable();
   std::vector<core::OlatScan> loaded_scans;
   db::NewProduct product;
   product.kind = "weights";
