@@ -159,10 +159,11 @@ void add_train(CLI::App& program, Context& context) {
                                                                   {"thinned", model::ActiveSetChoice::kThinned}};
   CLI::Option* active_set =
       command
-          ->add_option("--active-set", options->train.active_set,
-                       "Neighbours of a captured light in training: random ones of the nearest 16 [superres]; naive, the "
-                       "nearest; or thinned, the nearest of a stage with fewer lights, among which it stands as queries "
-                       "do [blend]")
+          ->add_option(
+              "--active-set", options->train.active_set,
+              "Neighbours of a captured light in training: random ones of the nearest 16 [superres]; naive, the "
+              "nearest; or thinned, the nearest of a stage with fewer lights, among which it stands as queries "
+              "do [blend]")
           ->transform(CLI::CheckedTransformer(active_sets));
   const std::map<std::string, model::Pooling> poolings{{"alias_free", model::Pooling::kAliasFree},
                                                        {"average", model::Pooling::kAverage}};
