@@ -7,6 +7,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "capture/sequence.h"
 #include "core/clock.h"
@@ -14,24 +15,54 @@
 
 namespace lightstage::capture {
 
+// What a controller tells of itself; a value that it does not measure is empty.
+struct LedStatus {
+  std::optional<double> temperature_celsius;  // of the hottest board
+  std::optional<double> supply_volts;
+  std::vector<std::string> faults;  // one line each; empty: none
+};
+
+// A controller that holds a whole sequence and steps through it by itself, at the end of every pulse on its strobe
+// input. Wire the strobe output of a camera to it: each exposure then lights the next pattern without the host.
+class PatternPlayer {
+ public:
+  virtual ~PatternPlayer() = default;
+  // Replaces what was loaded. Lights nothing.
+  virtual void load(std::span<const std::vector<LightLevel>> patterns) = 0;
+  // Lights pattern `first` of those loaded. Every strobe pulse from now on lights the next one when it ends; after the
+  // last all lights are off.
+  virtual void arm(std::size_t first) = 0;
+  // Waits until pattern `index` has been reached, at most until `deadline` on the session's clock. Returns a time at
+  // which it was certainly lit already (all lights off, when `index` is one past the last pattern); nothing when it was
+  // not reached.
+  virtual std::optional<core::Nanoseconds> wait_for_pattern(std::size_t index, core::Nanoseconds deadline) = 0;
+};
+
 class LedController {
  public:
   virtual ~LedController() = default;
   virtual std::size_t light_count() const = 0;
   // Lights exactly these, all others off. Returns when the controller has acknowledged, not when the LEDs
-  // have settled.
+  // have settled. Ends what a pattern player was playing.
   virtual void show(std::span<const LightLevel> levels) = 0;
   // Everything off. Tried again by callers that get an exception: it must be safe to repeat.
   virtual void all_off() = 0;
+  virtual LedStatus status() { return {}; }
+  // Null where the controller cannot hold a sequence. Belongs to the controller.
+  virtual PatternPlayer* player() { return nullptr; }
 };
 
 struct CameraFrame {
   core::Image image;                 // linear radiance, already freed of black level; 1 or 3 channels
   double saturation = 0;             // radiance at which the sensor clips
   std::int64_t sequence_number = 0;  // counts the camera's exposures; gaps are lost frames, repeats are duplicates
-  core::Nanoseconds timestamp = 0;   // start of exposure, on the session's clock
-  bool damaged = false;              // the driver flagged it as incomplete
+  // Start of exposure on the session's clock, as the driver tells it: many stamp a frame when it arrives, so it may be
+  // late by a latency that changes little from frame to frame.
+  core::Nanoseconds timestamp = 0;
+  bool damaged = false;  // the driver flagged it as incomplete
 };
+
+enum class Exposing { kTriggered, kFreeRunning };
 
 class Camera {
  public:
@@ -39,6 +70,11 @@ class Camera {
   virtual std::string name() const = 0;
   // Takes effect with the next exposure. Throws when the camera cannot do it; never rounds silently.
   virtual void set_exposure(core::Nanoseconds exposure) = 0;
+  // Whether exposures wait for the trigger (as after opening) or follow each other. Frames of before may still come.
+  virtual void set_exposing(Exposing exposing) = 0;
+  // The shortest time from the start of one exposure to the start of the next, at the exposure set; while the camera
+  // runs free, the time between them.
+  virtual core::Nanoseconds frame_period() const = 0;
   // The oldest frame not yet fetched; waits for one until `deadline` on the session's clock; nothing when
   // none came.
   virtual std::optional<CameraFrame> wait_frame(core::Nanoseconds deadline) = 0;
@@ -49,6 +85,16 @@ class Trigger {
  public:
   virtual ~Trigger() = default;
   virtual void fire() = 0;
+};
+
+// Hears a camera's strobe output: proof that an exposure happened, before its frame has travelled.
+class Strobe {
+ public:
+  virtual ~Strobe() = default;
+  // Forgets pulses that were not asked for.
+  virtual void clear() = 0;
+  // When the next exposure began, on the session's clock; nothing when none had until `deadline`.
+  virtual std::optional<core::Nanoseconds> wait_exposure(core::Nanoseconds deadline) = 0;
 };
 
 }  // namespace lightstage::capture

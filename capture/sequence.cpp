@@ -61,6 +61,18 @@ std::vector<LightLevel> pattern_levels(const db::Step& step, std::size_t light_c
 
 }  // namespace
 
+std::string_view to_string(Timing timing) {
+  switch (timing) {
+    case Timing::kLockstep:
+      return "lockstep";
+    case Timing::kPipelined:
+      return "pipelined";
+    case Timing::kFreeRun:
+      return "free_run";
+  }
+  return "";
+}
+
 core::Nanoseconds default_full_on_exposure(core::Nanoseconds exposure, std::size_t light_count) {
   if (light_count <= 3) return exposure;
   return std::max<core::Nanoseconds>(1, exposure * 3 / static_cast<core::Nanoseconds>(light_count));

@@ -21,9 +21,24 @@ struct LightLevel {
   friend bool operator==(const LightLevel&, const LightLevel&) = default;
 };
 
+// How lights, exposures and frames follow each other. All store the same pictures; the faster ones ask more of the
+// devices.
+enum class Timing {
+  // Light, settle, trigger, wait for every frame. Needs nothing but a trigger.
+  kLockstep,
+  // The controller holds the sequence and steps on at the end of each exposure (capture/devices.h, PatternPlayer); the next
+  // exposure is triggered while frames still travel.
+  kPipelined,
+  // Cameras run free; every light stays on for one whole exposure at least, and frames are matched to lights by their
+  // time stamps. Needs no trigger.
+  kFreeRun,
+};
+std::string_view to_string(Timing timing);  // "lockstep", "pipelined", "free_run"
+
 struct Sequence {
   std::vector<db::Step> steps;                        // step_index is the place in this list
-  core::Nanoseconds settle = 2 * core::kMillisecond;  // from switching lights to the trigger
+  core::Nanoseconds settle = 2 * core::kMillisecond;  // from switching lights to the start of the exposure
+  Timing timing = Timing::kLockstep;
 };
 
 struct OlatOptions {

@@ -96,6 +96,15 @@ core::Nanoseconds read_exposure(const core::TomlTable& table) {
   return nanoseconds(exposure_ms);
 }
 
+Timing read_timing(const core::TomlTable& table) {
+  if (!table.has("timing")) return {};
+  const std::string name = table.string("timing");
+  for (const Timing timing : {Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun}) {
+    if (name == to_string(timing)) return timing;
+  }
+  table.fail("timing", "must be lockstep, pipelined or free_run");
+}
+
 void read_steps(const core::TomlTable& table, std::size_t light_count, std::vector<db::Step>& steps) {
   db::Step step;
   step.kind = read_kind(table);
@@ -115,6 +124,7 @@ Sequence read_table(const core::TomlTable& table, std::size_t light_count) {
   const double settle_ms = table.number("settle_ms", milliseconds(sequence.settle));
   if (settle_ms < 0 || settle_ms > kLongestSettleMs) table.fail("settle_ms", "must be 0 to 60000 (one minute)");
   sequence.settle = nanoseconds(settle_ms);
+  sequence.timing = read_timing(table);
   for (const core::TomlTable& entry : table.tables("step")) read_steps(entry, light_count, sequence.steps);
   table.finish();
   if (sequence.steps.empty()) table.fail("step", "is missing: a sequence needs at least one [[step]]");
@@ -130,6 +140,7 @@ std::string to_toml(const Sequence& sequence) {
       "# light (light = INDEX, or lights = [FIRST, LAST] one after another), pattern (a [[step.level]] for "
       "each light).\n";
   text += "settle_ms = " + toml_number(milliseconds(sequence.settle)) + "\n";
+  text += "timing = \"" + std::string(to_string(sequence.timing)) + "\"\n";
   for (std::size_t i = 0; i < sequence.steps.size(); ++i) {
     const db::Step& step = sequence.steps[i];
     text += "\n[[step]]\nkind = \"" + std::string(db::to_string(step.kind)) + "\"\n";

@@ -105,7 +105,7 @@ class Session {
       report_.discarded += feed.flush(rig_.clock.now());
     }
     const core::Nanoseconds trigger_time = rig_.clock.now();
-    rig_.trigger.fire();
+    rig_.trigger->fire();
     return trigger_time;
   }
 

@@ -14,9 +14,10 @@ namespace lightstage::capture {
 
 struct Rig {
   LedController& lights;
-  Trigger& trigger;
+  Trigger* trigger = nullptr;  // null where cameras only run free
   std::span<Camera* const> cameras;
   core::Clock& clock;
+  Strobe* strobe = nullptr;  // of the first camera, where one is wired
 };
 
 struct SessionOptions {

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "capture/hardware.h"
 #include "core/camera_model.h"
 #include "core/light_list.h"
 #include "core/vec3.h"
@@ -37,6 +38,7 @@ struct Stage {
   double radius_m = 1.5;                    // nominal distance of the lights from the centre
   std::vector<core::Vec3> light_positions;  // metres, stage frame
   std::vector<StageCamera> cameras;         // at least one; the first is the primary one
+  Hardware hardware;                        // empty for a stage that is only drawn
   StageSimulation simulation;
 };
 

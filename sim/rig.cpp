@@ -75,6 +75,9 @@ class SimulatedCamera : public capture::Camera {
     exposure_ = exposure;
   }
 
+  void set_exposing(capture::Exposing) override {}
+  core::Nanoseconds frame_period() const override { return exposure_; }
+
   // A camera that is exposing already misses the trigger, as real ones do.
   void trigger(int exposure_number) {
     if (exposure_ == 0) throw core::DeviceError("simulated camera '" + camera_.name + "': no exposure time was set");
@@ -184,7 +187,7 @@ SimulatedRig::SimulatedRig(const World& world, core::Clock& clock) : impl_(std::
 SimulatedRig::~SimulatedRig() = default;
 
 capture::Rig SimulatedRig::rig() {
-  return {impl_->lights, *impl_, impl_->camera_pointers, impl_->clock};
+  return {impl_->lights, impl_.get(), impl_->camera_pointers, impl_->clock};
 }
 
 bool SimulatedRig::any_light_on() const {

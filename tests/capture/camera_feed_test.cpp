@@ -39,7 +39,7 @@ TEST_CASE("a frame that is handed on was lit by the light that is on") {
       feed.set_exposure(chance(50) ? 20 * core::kMillisecond : core::kMillisecond);
       feed.flush(rig.clock.now());
       const core::Nanoseconds trigger_time = rig.clock.now();
-      rig.trigger.fire();
+      rig.trigger->fire();
       const CameraFeed::Result result = feed.receive(trigger_time, trigger_time + 300 * core::kMillisecond);
       if (!result.frame) {
         ++refused;
@@ -68,7 +68,7 @@ TEST_CASE("a damaged frame of this exposure ends the waiting, an old one does no
   CameraFeed feed(*rig.cameras[0]);
   feed.set_exposure(core::kMillisecond);
   rig.clock.sleep_until(core::kSecond);
-  rig.trigger.fire();
+  rig.trigger->fire();
   const CameraFeed::Result first = feed.receive(core::kSecond, 2 * core::kSecond);
   CHECK(first.damaged);
   CHECK(first.discarded == 1);
@@ -76,7 +76,7 @@ TEST_CASE("a damaged frame of this exposure ends the waiting, an old one does no
 
   fake.add_stale_frame(0, 5000, core::kSecond / 2, true);
   const core::Nanoseconds trigger_time = rig.clock.now();
-  rig.trigger.fire();
+  rig.trigger->fire();
   const CameraFeed::Result second = feed.receive(trigger_time, trigger_time + core::kSecond);
   REQUIRE(second.frame);
   CHECK(second.discarded == 1);

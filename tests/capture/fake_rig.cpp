@@ -30,6 +30,8 @@ class FakeRig::Camera : public capture::Camera {
   Camera(FakeRig& rig, std::size_t index) : rig_(rig), index_(index) {}
   std::string name() const override { return "fake" + std::to_string(index_); }
   void set_exposure(core::Nanoseconds exposure) override { exposure_ = exposure; }
+  void set_exposing(capture::Exposing) override {}
+  core::Nanoseconds frame_period() const override { return exposure_; }
 
   void expose(int exposure_number) {
     const Delivery script = rig_.delivery(index_, exposure_number);
@@ -128,7 +130,7 @@ FakeRig::FakeRig(std::size_t light_count, std::size_t camera_count)
 FakeRig::~FakeRig() = default;
 
 capture::Rig FakeRig::rig() {
-  return {*lights_, *trigger_, camera_pointers_, clock_};
+  return {*lights_, trigger_.get(), camera_pointers_, clock_};
 }
 
 std::vector<std::string> FakeRig::camera_names() const {

@@ -108,7 +108,7 @@ CameraFrame shoot(capture::Rig& rig, std::span<const LightLevel> levels, Nanosec
   rig.lights.show(levels);
   rig.clock.sleep_until(rig.clock.now() + lit_for);
   for (capture::Camera* camera : rig.cameras) camera->set_exposure(exposure);
-  rig.trigger.fire();
+  rig.trigger->fire();
   auto frame = rig.cameras[index]->wait_frame(rig.clock.now() + exposure + core::kSecond);
   REQUIRE(frame);
   return std::move(*frame);
@@ -226,7 +226,7 @@ TEST_CASE("listed faults happen at their exposures, and only there") {
   CHECK(simulated.any_light_on());  // a controller that did not answer has not switched
   camera.set_exposure(kMillisecond);
   const auto fire = [&] {
-    rig.trigger.fire();
+    rig.trigger->fire();
     return camera.wait_frame(clock.now() + 10 * kMillisecond);
   };
   const auto first = fire();
@@ -253,14 +253,14 @@ TEST_CASE("frames come when their exposure ends, and not before") {
   sim::SimulatedRig simulated(world, clock);
   const capture::Rig rig = simulated.rig();
   capture::Camera& camera = *rig.cameras[0];
-  CHECK_THROWS_AS(rig.trigger.fire(), core::DeviceError);  // no exposure was set
+  CHECK_THROWS_AS(rig.trigger->fire(), core::DeviceError);  // no exposure was set
   camera.set_exposure(20 * kMillisecond);
   clock.sleep_until(core::kSecond);
-  rig.trigger.fire();
+  rig.trigger->fire();
   CHECK_FALSE(camera.wait_frame(clock.now()));
   CHECK_FALSE(camera.wait_frame(core::kSecond + 19 * kMillisecond));
   CHECK(clock.now() == core::kSecond + 19 * kMillisecond);
-  rig.trigger.fire();  // missed: the camera is exposing
+  rig.trigger->fire();  // missed: the camera is exposing
   const auto frame = camera.wait_frame(3 * core::kSecond);
   REQUIRE(frame);
   CHECK(clock.now() == core::kSecond + 20 * kMillisecond);
@@ -285,7 +285,7 @@ TEST_CASE("the trigger's jitter has its standard deviation and never begins earl
   for (int i = 0; i < 300; ++i) {
     clock.sleep_until(clock.now() + kMillisecond);
     const Nanoseconds fired = clock.now();
-    rig.trigger.fire();
+    rig.trigger->fire();
     std::vector<Nanoseconds> starts;
     for (capture::Camera* camera : rig.cameras) {
       const auto frame = camera->wait_frame(fired + 10 * kMillisecond);
