@@ -1,0 +1,82 @@
+// One scenario: a stage whose devices are emulated, faults, passes over it, and the proof that nothing wrong was stored.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "capture/sequence.h"
+#include "capture/session.h"
+#include "capture/stage.h"
+#include "core/clock.h"
+#include "db/store.h"
+#include "tests/hil/scenarios/emulated_rig.h"
+#include "tests/support/support.h"
+
+namespace lightstage::hil {
+
+struct RigStage {
+  std::size_t lights = 100;
+  std::vector<std::string> pixel_formats = {"Y16", "GREY"};  // of each camera
+  bool common_trigger = false;                               // one line for all cameras; else one each
+  bool free_running = false;
+  bool dmx = false;  // the lights hang on the DMX widget; else on the LED controller
+};
+
+// As a lab would describe the emulated rig. Level 1 gives radiance 1.
+capture::Stage make_rig_stage(const RigStage& options = {});
+
+struct PassOptions {
+  int tracking_every = 10;
+  core::Nanoseconds exposure = 5 * core::kMillisecond;
+  capture::Timing timing = capture::Timing::kLockstep;
+};
+capture::Sequence make_rig_sequence(const capture::Stage& stage, const PassOptions& options = {});
+
+// What a store that should hold a whole pass lacks.
+struct StoreCheck {
+  std::size_t frames = 0;   // that are there
+  std::size_t missing = 0;  // steps without a camera's frame
+  std::size_t wrong = 0;    // frames that show anything but their step's light, all of it, and nothing else
+  std::string first_wrong;  // which and why
+};
+StoreCheck check_store(const db::Store& store, const db::Scan& scan, const capture::Stage& stage);
+
+class Scenario {
+ public:
+  // The rig starts counting anew.
+  explicit Scenario(std::string name);
+  // Prints the scenario's line and adds it to the summary.
+  ~Scenario();
+
+  // A line of the rig's fault script.
+  void fault(const std::string& line);
+
+  // A whole pass by the rig's devices into the scan `pass` of the scenario's store (which holds it already when it is
+  // resumed). Throws what run_session and HardwareRig throw.
+  capture::SessionReport capture(const capture::Stage& stage, const capture::Sequence& sequence,
+                                 const capture::SessionOptions& options = {});
+
+  // Every frame is there and shows its step's light alone; every fault happened; no light is on.
+  void require_all_right(const capture::Stage& stage);
+
+  void add_figure(const std::string& name, double value) { figures_[name] = value; }
+
+  db::Store& store() { return store_; }
+  std::filesystem::path store_folder() const { return folder_ / "store"; }
+
+ private:
+  std::string name_;
+  test::TemporaryFolder folder_;
+  db::Store store_;
+  core::SystemClock clock_;
+  core::Nanoseconds start_;
+  std::size_t faults_ = 0;
+  capture::SessionReport report_;
+  StoreCheck check_;
+  std::size_t lights_on_ = 0;
+  bool proven_ = false;  // require_all_right came to its end
+  nlohmann::json figures_ = nlohmann::json::object();
+};
+
+}  // namespace lightstage::hil
