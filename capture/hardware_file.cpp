@@ -14,7 +14,7 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr int kHighestOutput = 65535;  // the own protocol numbers lights by 16 bits
+constexpr int kHighestOutput = 65534;  // the own protocol counts outputs by 16 bits
 constexpr int kDmxChannels = 512;      // of one DMX512 universe
 constexpr double kShortestPulseUs = 1, kLongestPulseUs = 1e6;
 constexpr double kLargestOffsetMs = 10e3;
@@ -177,12 +177,13 @@ std::vector<LightWiring> read_wiring(const core::TomlTable& stage, const std::ve
 std::string read_pixel_format(const core::TomlTable& table, const std::string& default_format) {
   if (!table.has("pixel_format")) return default_format;
   const std::string format(core::trim(table.string("pixel_format")));
+  const std::string_view code = std::string_view(format).substr(0, format.size() - (format.ends_with("-BE") ? 3 : 0));
   if (format == "MJPG" || format == "JPEG") {
     table.fail("pixel_format",
                "is a lossy one, whose values cannot be measured with: choose one of `lightstage doctor`");
   }
   const auto printable = [](char c) { return c > ' ' && c <= '~'; };
-  if (format.size() < 3 || format.size() > 4 || !std::all_of(format.begin(), format.end(), printable)) {
+  if (code.size() < 3 || code.size() > 4 || !std::all_of(code.begin(), code.end(), printable)) {
     table.fail("pixel_format", "must be the driver's four characters, such as GREY, Y10, Y16, RGGB or YUYV");
   }
   return format;

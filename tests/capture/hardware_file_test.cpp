@@ -153,7 +153,7 @@ Hardware random_hardware(std::mt19937& random, std::size_t lights, std::size_t c
   for (std::size_t i = 0; i < cameras; ++i) {
     capture::CameraDevice device;
     device.match = std::to_string(i) + random_text(random);
-    device.pixel_format = random() % 2 == 0 ? "Y16" : "RGGB";
+    device.pixel_format = random() % 2 == 0 ? "Y16-BE" : "RGGB";
     if (random() % 2 == 0) device.gain = int(random()) - 1'000'000;
     device.black_level = number(random);
     device.linearisation = {number(random), -number(random) / 1e6, 1.0 / 3};
@@ -244,9 +244,9 @@ TEST_CASE("mistakes in the hardware are named by file, line and key", "[hardware
   expect_here("channels = [1, 2, 512]", "channels = [1, 2, 1]", "light[1].channels",
               "names channel 1 of controller 'rim', which is twice for this light");
   expect_here("channels = [4]", "channels = [4, 5, 6]", "light[0].channels", "must be one output of the controller");
-  expect_here("channels = [4]", "channels = [65536]", "light[0].channels", "must hold whole numbers from 0 to 65535");
-  expect_here("channels = [4]", "channels = [-1]", "light[0].channels", "must hold whole numbers from 0 to 65535");
-  expect_here("channels = [4]", "channels = [0.5]", "light[0].channels", "must hold whole numbers from 0 to 65535");
+  expect_here("channels = [4]", "channels = [65535]", "light[0].channels", "must hold whole numbers from 0 to 65534");
+  expect_here("channels = [4]", "channels = [-1]", "light[0].channels", "must hold whole numbers from 0 to 65534");
+  expect_here("channels = [4]", "channels = [0.5]", "light[0].channels", "must hold whole numbers from 0 to 65534");
   // The third light is output 1 by its place.
   expect("channels = [4]", "channels = [1]", "light[2].channels",
          "names channel 1 of controller 'dome', which is light 0's already", "channels = [1, 2, 512]\n[[light]]");
