@@ -14,8 +14,8 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr int kHighestOutput = 65534;  // the own protocol counts outputs by 16 bits
-constexpr int kDmxChannels = 512;      // of one DMX512 universe
+constexpr int kHighestOutput = 4095;  // a controller of the own protocol has 4096 at most
+constexpr int kDmxChannels = 512;     // of one DMX512 universe
 constexpr double kShortestPulseUs = 1, kLongestPulseUs = 1e6;
 constexpr double kLargestOffsetMs = 10e3;
 constexpr std::size_t kMostCoefficients = 8;

@@ -244,9 +244,9 @@ TEST_CASE("mistakes in the hardware are named by file, line and key", "[hardware
   expect_here("channels = [1, 2, 512]", "channels = [1, 2, 1]", "light[1].channels",
               "names channel 1 of controller 'rim', which is twice for this light");
   expect_here("channels = [4]", "channels = [4, 5, 6]", "light[0].channels", "must be one output of the controller");
-  expect_here("channels = [4]", "channels = [65535]", "light[0].channels", "must hold whole numbers from 0 to 65534");
-  expect_here("channels = [4]", "channels = [-1]", "light[0].channels", "must hold whole numbers from 0 to 65534");
-  expect_here("channels = [4]", "channels = [0.5]", "light[0].channels", "must hold whole numbers from 0 to 65534");
+  expect_here("channels = [4]", "channels = [4096]", "light[0].channels", "must hold whole numbers from 0 to 4095");
+  expect_here("channels = [4]", "channels = [-1]", "light[0].channels", "must hold whole numbers from 0 to 4095");
+  expect_here("channels = [4]", "channels = [0.5]", "light[0].channels", "must hold whole numbers from 0 to 4095");
   // The third light is output 1 by its place.
   expect("channels = [4]", "channels = [1]", "light[2].channels",
          "names channel 1 of controller 'dome', which is light 0's already", "channels = [1, 2, 512]\n[[light]]");
