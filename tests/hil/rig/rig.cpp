@@ -36,7 +36,6 @@ const char* fate(const FrameFault& fault) {
 Rig::Rig(int cameras, const std::string& log_path) : log_(log_path), led_(kLedPort, scene_), dmx_(kDmxPort, scene_) {
   scene_.on_change = [this](Nanoseconds time, const Levels& levels) {
     const nlohmann::json lit = lit_cells(levels);
-    if ((lit.size() > 0) != (lit_ > 0)) lit_since_ = time;
     lit_ = lit.size();
     log_.write(time, "lights", {{"lit", lit}});
   };
@@ -78,6 +77,7 @@ void Rig::trigger(UvcCamera& camera) {
 }
 
 void Rig::log_exposure(const UvcCamera& camera, const UvcCamera::Exposure& exposure) {
+  ++exposures_;
   log_.write(now(), "exposure",
              {{"camera", camera.index()},
               {"number", exposure.number},
@@ -171,10 +171,11 @@ std::string Rig::obey(const std::string& line) {
     const std::vector<std::string> all = words(line);
     if (!all.empty() && all[0] == "begin") {
       script_.clear();
+      exposures_ = 0;
       for (const auto& camera : cameras_) camera->restart_count();
       log_.write(now(), "begin", {{"name", all.at(1)}});
     } else if (line == "state") {
-      return nlohmann::json{{"lit", lit_}, {"since", lit_since_}, {"script", script_.size()}}.dump();
+      return nlohmann::json{{"lit", lit_}, {"script", script_.size()}, {"exposures", exposures_}}.dump();
     } else {
       script_.add(line);
     }

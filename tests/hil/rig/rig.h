@@ -29,7 +29,8 @@ class Rig {
   // Serves the devices and obeys the commands that come from standard input, one a line, each answered by a line
   // on standard output ("ok", an answer, or "error: ..."), until that ends. Commands:
   //   begin NAME                 a scenario begins: the script is empty and counters start again
-  //   state                      answered by {"lit": cells that are not dark, "since": when that began, "script": lines left}
+  //   state                      answered by {"lit": cells that are not dark, "script": lines that did not happen yet,
+  //                              "exposures": that ended since the scenario began, of all cameras}
   //   free camN, triggered camN  how the camera exposes from now on
   //   what FaultScript understands, with these actions (DEVICE: led, dmx, gpio, camN):
   //     plug DEVICE
@@ -70,8 +71,8 @@ class Rig {
   std::vector<std::unique_ptr<UvcCamera>> cameras_;
   std::vector<Replug> replugs_;
   FileDescriptor held_chip_;  // while it is open, its number is not given to another chip
-  std::size_t lit_ = 0;
-  Nanoseconds lit_since_ = 0;
+  std::size_t lit_ = 0;       // cells
+  int exposures_ = 0;         // that ended since the scenario began, of all cameras
 };
 
 }  // namespace lightstage::hil

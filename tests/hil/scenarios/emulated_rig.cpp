@@ -25,7 +25,8 @@ std::array<int, 2> make_pipe() {
 
 bool devices_are_there() {
   const auto cameras = capture::v4l2_cameras_seen();
-  const auto count = std::count_if(cameras.begin(), cameras.end(), [](const auto& c) { return c.driver == "uvcvideo"; });
+  const auto count =
+      std::count_if(cameras.begin(), cameras.end(), [](const auto& c) { return c.driver == "uvcvideo"; });
   return count == kRigCameras && !capture::gpio_chips_seen().empty();
 }
 
@@ -101,6 +102,17 @@ std::vector<nlohmann::json> EmulatedRig::events() const {
     if (events.back()["event"] == "begin") events.clear();
   }
   return events;
+}
+
+std::optional<core::Nanoseconds> EmulatedRig::dark_from(core::Nanoseconds time) const {
+  bool dark = true;
+  for (const nlohmann::json& event : events()) {
+    if (event["event"] != "lights") continue;
+    if (event["t"] > time && dark) return time;
+    dark = event["lit"].empty();
+    if (event["t"] >= time && dark) return event["t"].get<core::Nanoseconds>();
+  }
+  return dark ? std::optional(time) : std::nullopt;
 }
 
 }  // namespace lightstage::hil

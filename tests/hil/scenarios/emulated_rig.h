@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -28,6 +29,8 @@ class EmulatedRig {
 
   // What happened since the newest `begin`, oldest first (event_log.h).
   std::vector<nlohmann::json> events() const;
+  // The first time from `time` on at which no light was on; nothing when there was none yet.
+  std::optional<core::Nanoseconds> dark_from(core::Nanoseconds time) const;
 
  private:
   EmulatedRig();

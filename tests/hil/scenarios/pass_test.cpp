@@ -17,7 +17,7 @@ void run_pass(const std::string& name, const capture::Stage& stage, capture::Tim
   Scenario scenario(name);
   const capture::SessionReport report = scenario.capture(stage, make_rig_sequence(stage, {.timing = timing}));
   CHECK(report.stored == report.steps * stage.cameras.size());
-  scenario.add_figure("steps_per_s", steps_per_second(report));
+  scenario.report().add_figure("steps_per_s", steps_per_second(report));
   scenario.require_all_right(stage);
 }
 

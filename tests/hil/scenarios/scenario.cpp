@@ -1,8 +1,6 @@
 #include "tests/hil/scenarios/scenario.h"
 
 #include <cmath>
-#include <cstdio>
-#include <fstream>
 #include <map>
 
 #include <catch2/catch.hpp>
@@ -75,7 +73,8 @@ std::string difference(core::ImageView image, const db::Step& step, const captur
 
 // Two codes of the camera, or half a percent.
 double tolerance(const db::Step& step, const std::string& pixel_format) {
-  const double code = static_cast<double>(kFullScaleExposure) / static_cast<double>(step.exposure_ns) / top_code(pixel_format);
+  const double code =
+      static_cast<double>(kFullScaleExposure) / static_cast<double>(step.exposure_ns) / top_code(pixel_format);
   return std::max(2 * code, 0.005);
 }
 
@@ -86,11 +85,13 @@ capture::Stage make_rig_stage(const RigStage& options) {
   layout.lights = options.lights;
   layout.cameras = static_cast<int>(options.pixel_formats.size());
   capture::Stage stage = capture::make_stage("emulated", layout);
-  stage.hardware.controllers = {options.dmx ? capture::ControllerSpec{"dmx", capture::ControllerKind::kEnttecDmxUsbPro, "DMX0"}
-                                            : capture::ControllerSpec{"dome", capture::ControllerKind::kLightstage, "LED0"}};
+  stage.hardware.controllers = {options.dmx
+                                    ? capture::ControllerSpec{"dmx", capture::ControllerKind::kEnttecDmxUsbPro, "DMX0"}
+                                    : capture::ControllerSpec{"dome", capture::ControllerKind::kLightstage, "LED0"}};
   for (std::size_t i = 0; i < options.lights; ++i) {
     // DMX channels count from 1.
-    stage.hardware.wiring.push_back({stage.hardware.controllers[0].name, {static_cast<int>(i) + (options.dmx ? 1 : 0)}});
+    stage.hardware.wiring.push_back(
+        {stage.hardware.controllers[0].name, {static_cast<int>(i) + (options.dmx ? 1 : 0)}});
   }
   for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
     capture::StageCamera& camera = stage.cameras[i];
@@ -133,65 +134,50 @@ StoreCheck check_store(const db::Store& store, const db::Scan& scan, const captu
       const std::string problem = difference(store.object(frame->second.object), step, stage,
                                              tolerance(step, stage.hardware.cameras[i].pixel_format));
       if (problem.empty()) continue;
-      if (check.wrong++ == 0) check.first_wrong = "step " + std::to_string(step.step_index) + " of " + camera + ": " + problem;
+      if (check.wrong++ == 0)
+        check.first_wrong = "step " + std::to_string(step.step_index) + " of " + camera + ": " + problem;
     }
   }
   return check;
 }
 
-Scenario::Scenario(std::string name)
-    : name_(std::move(name)), store_(db::Store::create(folder_ / "store")), start_(clock_.now()) {
-  EmulatedRig::instance().command("begin " + name_);
-}
-
-Scenario::~Scenario() {
-  const double seconds = static_cast<double>(clock_.now() - start_) / 1e9;
-  std::printf("%-24s %s  faults %zu, frames %zu, retaken %zu, wrong %zu, lights left on %zu, %.1f s", name_.c_str(),
-              proven_ ? "ok    " : "FAILED", faults_, check_.frames + check_.missing, report_.retaken, check_.wrong, lights_on_,
-              seconds);
-  for (const auto& [figure, value] : figures_.items()) std::printf(", %s %.1f", figure.c_str(), value.get<double>());
-  std::printf("\n");
-  std::fflush(stdout);
-  std::ofstream summary(output_folder() / "summary.jsonl", std::ios::app);
-  summary << nlohmann::json{{"scenario", name_},         {"ok", proven_},
-                            {"faults", faults_},         {"frames_asked", check_.frames + check_.missing},
-                            {"missing", check_.missing}, {"retaken", report_.retaken},
-                            {"discarded", report_.discarded}, {"wrong", check_.wrong},
-                            {"lights_left_on", lights_on_},   {"seconds", seconds},
-                            {"figures", figures_}}
-                 .dump()
-          << '\n';
+Scenario::Scenario(const std::string& name) : report_(name), store_(db::Store::create(folder_ / "store")) {
+  EmulatedRig::instance().command("begin " + name);
 }
 
 void Scenario::fault(const std::string& line) {
   EmulatedRig::instance().command(line);
-  ++faults_;
+  report_.add_fault();
+}
+
+void Scenario::add_scan(const capture::Stage& stage, const capture::Sequence& sequence) {
+  db::NewScan scan{.name = "pass", .stage_key = capture::stage_key(stage), .steps = sequence.steps};
+  for (const capture::StageCamera& camera : stage.cameras) scan.cameras.push_back(camera.name);
+  store_.add_scan(scan);
 }
 
 capture::SessionReport Scenario::capture(const capture::Stage& stage, const capture::Sequence& sequence,
                                          const capture::SessionOptions& options) {
-  if (!store_.find_scan("pass")) {
-    db::NewScan scan{.name = "pass", .stage_key = capture::stage_key(stage), .steps = sequence.steps};
-    for (const capture::StageCamera& camera : stage.cameras) scan.cameras.push_back(camera.name);
-    store_.add_scan(scan);
-  }
+  if (!store_.find_scan("pass")) add_scan(stage, sequence);
   capture::HardwareRig hardware(stage, clock_);
-  const capture::SessionReport report = capture::run_session(store_, store_.scan("pass"), sequence, hardware.rig(), options);
-  report_.retaken += report.retaken;
-  report_.discarded += report.discarded;
+  const capture::SessionReport report =
+      capture::run_session(store_, store_.scan("pass"), sequence, hardware.rig(), options);
+  report_.add_retaken(report.retaken);
   return report;
 }
 
 void Scenario::require_all_right(const capture::Stage& stage) {
   const nlohmann::json state = EmulatedRig::instance().state();
-  lights_on_ = state["lit"];
-  check_ = check_store(store_, store_.scan("pass"), stage);
-  INFO(check_.first_wrong);
-  REQUIRE(check_.missing == 0);
-  REQUIRE(check_.wrong == 0);
-  REQUIRE(lights_on_ == 0);
+  const StoreCheck check = check_store(store_, store_.scan("pass"), stage);
+  report_.add_frame(check.frames + check.missing);
+  report_.set_wrong(check.wrong);
+  report_.set_lights_left_on(state["lit"]);
+  INFO(check.first_wrong);
+  REQUIRE(check.missing == 0);
+  REQUIRE(check.wrong == 0);
+  REQUIRE(state["lit"] == 0);
   REQUIRE(state["script"] == 0);
-  proven_ = true;
+  report_.pass();
 }
 
 }  // namespace lightstage::hil

@@ -11,6 +11,7 @@
 #include "core/clock.h"
 #include "db/store.h"
 #include "tests/hil/scenarios/emulated_rig.h"
+#include "tests/hil/scenarios/report_line.h"
 #include "tests/support/support.h"
 
 namespace lightstage::hil {
@@ -45,38 +46,31 @@ StoreCheck check_store(const db::Store& store, const db::Scan& scan, const captu
 class Scenario {
  public:
   // The rig starts counting anew.
-  explicit Scenario(std::string name);
-  // Prints the scenario's line and adds it to the summary.
-  ~Scenario();
+  explicit Scenario(const std::string& name);
 
   // A line of the rig's fault script.
   void fault(const std::string& line);
 
-  // A whole pass by the rig's devices into the scan `pass` of the scenario's store (which holds it already when it is
-  // resumed). Throws what run_session and HardwareRig throw.
+  // The scan "pass" in the scenario's store.
+  void add_scan(const capture::Stage& stage, const capture::Sequence& sequence);
+
+  // Takes with the rig's devices what the scan lacks (it is added where it is not there). Throws what run_session and
+  // HardwareRig throw.
   capture::SessionReport capture(const capture::Stage& stage, const capture::Sequence& sequence,
                                  const capture::SessionOptions& options = {});
 
   // Every frame is there and shows its step's light alone; every fault happened; no light is on.
   void require_all_right(const capture::Stage& stage);
 
-  void add_figure(const std::string& name, double value) { figures_[name] = value; }
-
+  ReportLine& report() { return report_; }
   db::Store& store() { return store_; }
   std::filesystem::path store_folder() const { return folder_ / "store"; }
 
  private:
-  std::string name_;
+  ReportLine report_;
   test::TemporaryFolder folder_;
   db::Store store_;
   core::SystemClock clock_;
-  core::Nanoseconds start_;
-  std::size_t faults_ = 0;
-  capture::SessionReport report_;
-  StoreCheck check_;
-  std::size_t lights_on_ = 0;
-  bool proven_ = false;  // require_all_right came to its end
-  nlohmann::json figures_ = nlohmann::json::object();
 };
 
 }  // namespace lightstage::hil
