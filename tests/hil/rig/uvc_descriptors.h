@@ -25,7 +25,7 @@ constexpr std::array<UvcFormat, 5> kUvcFormats{{{"Y800", PixelLayout::kGrey8, 8}
 struct UvcSize {
   int width = 0, height = 0;
 };
-constexpr std::array<UvcSize, 2> kUvcSizes{{{320, 240}, {640, 480}}};
+constexpr std::array<UvcSize, 2> kUvcSizes{{{320, 240}, {160, 120}}};
 
 // Times between frames, in units of 100 ns: any from the shortest to the longest.
 constexpr std::uint32_t kShortestInterval = 50'000, kDefaultInterval = 333'333, kLongestInterval = 10'000'000;

@@ -5,6 +5,7 @@
 
 #include <catch2/catch.hpp>
 
+#include "capture/hardware_rig.h"
 #include "tests/hil/scenarios/scenario.h"
 
 namespace lightstage::hil {
@@ -14,7 +15,7 @@ namespace {
 constexpr const char* kVictimStore = "LIGHTSTAGE_HIL_VICTIM_STORE";
 
 capture::Stage victims_stage() {
-  return make_rig_stage({.lights = 60});
+  return make_rig_stage({.lights = 60, .small_frames = true});
 }
 
 // This program again, running only the test case below.

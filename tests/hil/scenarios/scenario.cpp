@@ -7,6 +7,7 @@
 
 #include "capture/hardware_rig.h"
 #include "tests/hil/rig/scene.h"
+#include "tests/hil/scenarios/timed_rig.h"
 
 namespace lightstage::hil {
 
@@ -95,8 +96,8 @@ capture::Stage make_rig_stage(const RigStage& options) {
   }
   for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
     capture::StageCamera& camera = stage.cameras[i];
-    camera.model.width = 320;
-    camera.model.height = 240;
+    camera.model.width = options.small_frames ? 160 : 320;
+    camera.model.height = options.small_frames ? 120 : 240;
     camera.responsivity = static_cast<double>(core::kSecond) / static_cast<double>(kFullScaleExposure) / (1 - kBlack);
     stage.hardware.cameras.push_back(camera_device(i, options));
   }
@@ -160,8 +161,10 @@ capture::SessionReport Scenario::capture(const capture::Stage& stage, const capt
                                          const capture::SessionOptions& options) {
   if (!store_.find_scan("pass")) add_scan(stage, sequence);
   capture::HardwareRig hardware(stage, clock_);
+  TimedRig timed(hardware.rig());
   const capture::SessionReport report =
-      capture::run_session(store_, store_.scan("pass"), sequence, hardware.rig(), options);
+      capture::run_session(store_, store_.scan("pass"), sequence, timed.rig(), options);
+  trigger_to_frame_ms_ = timed.mean_latency_ms();
   report_.add_retaken(report.retaken);
   return report;
 }

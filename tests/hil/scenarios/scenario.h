@@ -19,6 +19,7 @@ namespace lightstage::hil {
 struct RigStage {
   std::size_t lights = 100;
   std::vector<std::string> pixel_formats = {"Y16", "GREY"};  // of each camera
+  bool small_frames = false;                                 // 160 x 120 pixels, which are faster; else 320 x 240
   bool common_trigger = false;                               // one line for all cameras; else one each
   bool free_running = false;
   bool dmx = false;  // the lights hang on the DMX widget; else on the LED controller
@@ -59,6 +60,9 @@ class Scenario {
   capture::SessionReport capture(const capture::Stage& stage, const capture::Sequence& sequence,
                                  const capture::SessionOptions& options = {});
 
+  // Mean time from a trigger to its frame in the last capture(); of passes that lost nothing.
+  double trigger_to_frame_ms() const { return trigger_to_frame_ms_; }
+
   // Every frame is there and shows its step's light alone; every fault happened; no light is on.
   void require_all_right(const capture::Stage& stage);
 
@@ -71,6 +75,7 @@ class Scenario {
   test::TemporaryFolder folder_;
   db::Store store_;
   core::SystemClock clock_;
+  double trigger_to_frame_ms_ = 0;
 };
 
 }  // namespace lightstage::hil
