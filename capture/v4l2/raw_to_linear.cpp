@@ -64,8 +64,12 @@ RawToLinear::RawToLinear(const std::string& camera, const PixelFormat& format, c
   if (!(black_level_ >= 0 && black_level_ < top)) {
     fail("the black level of format " + format_name + " must be from 0 to below " + std::to_string(top));
   }
-  const bool is_encoded = format.raw_channels() == 3 && device.linearisation == kDefaultLinearisation;
-  if (!is_encoded) polynomial_ = device.linearisation;
+  const bool by_format = device.linearisation.empty() || device.linearisation == kDefaultLinearisation;
+  if (!by_format) {
+    polynomial_ = device.linearisation;
+  } else if (format.raw_channels() == 1) {
+    polynomial_ = {1};
+  }
 
   double before = signal(-1);
   for (int code = 0; code <= top; ++code) {
@@ -90,8 +94,8 @@ double RawToLinear::signal(double code) const {
   const double s = (code - black_level_) / (format_.top_code() - black_level_);
   if (polynomial_.empty()) return decode(encoding_.transfer, s);
   double sum = 0;
-  for (auto c = polynomial_.rbegin(); c != polynomial_.rend(); ++c) sum = (sum + *c) * s;
-  return sum;
+  for (auto c = polynomial_.rbegin(); c != polynomial_.rend(); ++c) sum = (sum + *c) * std::abs(s);
+  return std::copysign(sum, s);
 }
 
 core::Image RawToLinear::image(const RawPicture& picture, double radiance_per_signal) const {

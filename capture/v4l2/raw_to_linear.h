@@ -28,9 +28,9 @@ double decode(ColourEncoding::Transfer transfer, double encoded);
 // In turn:
 //   colour     (YUYV alone) R, G, B by the matrix and range of the encoding, in codes of 0 to 255, clipped above
 //   black      s = (code - black level) / (top code - black level)
-//   linear     signal = c1 s + c2 s^2 + ... with the coefficients of CameraDevice::linearisation. Where those are the
-//              default {1}, RGB24 and YUYV are decoded by their transfer function instead; write {1, 0} for a camera whose
-//              RGB24 is linear although its driver says otherwise
+//   linear     signal = c1 s + c2 s^2 + ... with the coefficients of CameraDevice::linearisation, odd about 0 so that noise
+//              about black keeps its mean. Where those are the default (or none), RGB24 and YUYV are decoded by their
+//              transfer function instead; write {1, 0} for a camera whose RGB24 is linear although its driver says otherwise
 //   demosaic   (Bayer alone) edge-aware, by OpenCV, on 16 bits of the linear signal; an edge's green is taken along it. The
 //              outermost rows and columns repeat their neighbours
 // and radiance = signal * radiance_per_signal, which is 1 / (responsivity * exposure seconds). Values may be slightly below

@@ -187,10 +187,9 @@ std::optional<CameraFrame> V4l2Camera::wait_frame(core::Nanoseconds deadline) {
 }
 
 CameraFrame V4l2Camera::make_frame(const v4l2_buffer& buffer) {
+  const auto [start, exposure] = exposure_of(buffer);
+  const double radiance_per_signal = 1 / (camera_.responsivity * static_cast<double>(exposure) * 1e-9);
   CameraFrame frame;
-  const core::Nanoseconds start = start_of_exposure(buffer);
-  const double seconds = static_cast<double>(exposure_of_frame(start)) * 1e-9;
-  const double radiance_per_signal = 1 / (camera_.responsivity * seconds);
   frame.image = open_->to_linear().image(raw_, radiance_per_signal);
   frame.saturation = open_->to_linear().top_signal() * radiance_per_signal;
   frame.sequence_number = counter_.number_of(buffer.sequence);
@@ -199,22 +198,21 @@ CameraFrame V4l2Camera::make_frame(const v4l2_buffer& buffer) {
   return frame;
 }
 
-core::Nanoseconds V4l2Camera::start_of_exposure(const v4l2_buffer& buffer) const {
+V4l2Camera::Exposure V4l2Camera::exposure_of(const v4l2_buffer& buffer) const {
   if ((buffer.flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) != V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC) {
     open_->device().refuse(
-        "its driver does not stamp frames by the monotonic clock, so that they cannot be matched to "
-        "lights; use another driver or camera");
+        "its driver does not stamp frames by the monotonic clock, so that they cannot be matched to lights; use "
+        "another "
+        "driver or camera");
   }
-  const core::Nanoseconds stamp =
-      core::Nanoseconds(buffer.timestamp.tv_sec) * core::kSecond + core::Nanoseconds(buffer.timestamp.tv_usec) * 1000;
-  if ((buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE) return stamp;
-  const core::Nanoseconds start = stamp - exposure_.value_or(0);
-  return start < exposure_changed_ ? stamp - exposure_before_.value_or(0) : start;
-}
-
-core::Nanoseconds V4l2Camera::exposure_of_frame(core::Nanoseconds start) const {
-  const std::optional<core::Nanoseconds> exposure = start < exposure_changed_ ? exposure_before_ : exposure_;
-  return exposure.value_or(kExposureBeforeSet);
+  const core::Nanoseconds stamp = core::Nanoseconds(buffer.timestamp.tv_sec) * core::kSecond +
+                                  core::Nanoseconds(buffer.timestamp.tv_usec) * 1000 + device_.timestamp_offset;
+  const bool is_start = (buffer.flags & V4L2_BUF_FLAG_TSTAMP_SRC_MASK) == V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
+  const auto taken_with = [&](std::optional<core::Nanoseconds> exposure) {
+    return Exposure{is_start ? stamp : stamp - exposure.value_or(0), exposure.value_or(kExposureBeforeSet)};
+  };
+  const Exposure now = taken_with(exposure_);
+  return now.start < exposure_changed_ ? taken_with(exposure_before_) : now;
 }
 
 std::unique_ptr<Camera> open_v4l2_camera(const StageCamera& camera, const CameraDevice& device, core::Clock& clock) {

@@ -38,8 +38,10 @@ class V4l2Camera : public Camera {
   std::optional<v4l2_fract> longer_interval(core::Nanoseconds exposure, Exposing exposing) const;
   void set_first_interval();
   CameraFrame make_frame(const v4l2_buffer& buffer);
-  core::Nanoseconds start_of_exposure(const v4l2_buffer& buffer) const;
-  core::Nanoseconds exposure_of_frame(core::Nanoseconds start) const;
+  struct Exposure {
+    core::Nanoseconds start = 0, length = 0;
+  };
+  Exposure exposure_of(const v4l2_buffer& buffer) const;
 
   VideoSystem& system_;
   core::Clock& clock_;
