@@ -13,6 +13,8 @@ namespace {
 constexpr core::Nanoseconds kShortPulse = 100'000;
 constexpr int kTriesToRest = 3;
 constexpr int kReadsTimed = 3;
+// An order takes no chip so long that listens: drivers wait for seconds before they give up, and may report success then.
+constexpr core::Nanoseconds kMute = core::kSecond;
 
 // Waits without giving the processor away.
 void spin_until(core::Clock& clock, core::Nanoseconds time) {
@@ -86,8 +88,12 @@ void GpioTrigger::try_reading() {
 }
 
 void GpioTrigger::pulse() {
+  const core::Nanoseconds begin = clock_.now();
   lines_->set(true);
   const core::Nanoseconds end = clock_.now() + pulse_;
+  if (clock_.now() - begin > kMute) {
+    throw core::DeviceError(describe(request_) + ": the chip does not answer: plug it in again");
+  }
   const std::string dead = reads_in_pulse_ ? lines_against(true) : "";
   if (pulse_ < kShortPulse) {
     spin_until(clock_, end);
@@ -112,10 +118,11 @@ std::string GpioTrigger::lines_against(bool active) {
 }
 
 void GpioTrigger::let_go() noexcept {
-  for (int tries = 0; lines_ != nullptr && tries < kTriesToRest; ++tries) {
+  const core::Nanoseconds deadline = clock_.now() + kMute;
+  for (int tries = 0; lines_ != nullptr && tries < kTriesToRest && clock_.now() <= deadline; ++tries) {
     try {
       lines_->set(false);
-      if (!can_read_ || lines_against(false).empty()) break;
+      if (!can_read_ || clock_.now() > deadline || lines_against(false).empty()) break;
     } catch (...) {  // gone, or failing: what can be done is to try again
     }
   }

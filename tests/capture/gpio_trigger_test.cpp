@@ -172,6 +172,17 @@ TEST_CASE("lines are left inactive on every way out", "[gpio]") {
   }
 }
 
+TEST_CASE("a mute chip is given up after one order and one to undo it", "[gpio]") {
+  Bench bench;
+  const auto trigger = bench.trigger();
+  bench.gpio.set_takes = bench.gpio.read_takes = 5 * core::kSecond;  // as long as the kernel waits for a CP2112
+  bench.gpio.failing_sets = GENERATE(0, 9);                          // some drivers report success all the same
+  const core::Nanoseconds before = bench.clock.now();
+  CHECK(message_of(*trigger) != "(no error)");
+  CHECK(bench.clock.now() - before == 10 * core::kSecond);
+  CHECK(bench.gpio.held == 0);
+}
+
 TEST_CASE("a chip that was unplugged is opened again by its label", "[gpio]") {
   Bench bench;
   const auto trigger = bench.trigger();
