@@ -19,6 +19,7 @@ struct ControllerSpec {
   std::string name;  // within the stage file
   ControllerKind kind = ControllerKind::kLightstage;
   std::string serial;  // USB serial number; empty: the only device of its kind that is plugged in
+  friend bool operator==(const ControllerSpec&, const ControllerSpec&) = default;
 };
 
 // Where one light hangs.
@@ -27,6 +28,7 @@ struct LightWiring {
   // Own protocol: one number, the controller's output, from 0. DMX: channels from 1 to 512, three for red, green and blue
   // or one for a light of a single colour (which gives the mean of the three levels).
   std::vector<int> channels;
+  friend bool operator==(const LightWiring&, const LightWiring&) = default;
 };
 
 struct CameraDevice {
@@ -41,19 +43,23 @@ struct CameraDevice {
   std::vector<double> linearisation = {1};
   bool triggered = true;                   // false: exposes on its own; good for timing mode free_run only
   core::Nanoseconds timestamp_offset = 0;  // added to the driver's time stamps
+  friend bool operator==(const CameraDevice&, const CameraDevice&) = default;
 };
 
 struct TriggerSpec {
-  std::string chip;                // the GPIO chip's label; numbers change when it is plugged in again
+  // The GPIO chip's label, because numbers change when it is plugged in again; "/dev/gpiochip3" where two have one label.
+  std::string chip;
   std::vector<std::string> lines;  // by name, or by number: one for all cameras, or one for each in their order
   core::Nanoseconds pulse = core::kMillisecond;
   bool active_low = false;
+  friend bool operator==(const TriggerSpec&, const TriggerSpec&) = default;
 };
 
 struct StrobeSpec {
   std::string chip;
   std::string line;
   bool active_low = false;
+  friend bool operator==(const StrobeSpec&, const StrobeSpec&) = default;
 };
 
 struct Hardware {
@@ -65,6 +71,7 @@ struct Hardware {
 
   // A stage can be captured with when it has lights to switch and cameras to ask.
   bool complete() const { return !controllers.empty() && !cameras.empty(); }
+  friend bool operator==(const Hardware&, const Hardware&) = default;
 };
 
 }  // namespace lightstage::capture

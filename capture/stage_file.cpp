@@ -2,6 +2,7 @@
 #include <set>
 
 #include "capture/stage.h"
+#include "capture/toml/hardware.h"
 #include "capture/toml/number.h"
 #include "core/config.h"
 #include "core/error.h"
@@ -175,6 +176,7 @@ Stage read_table(const core::TomlTable& table) {
   if (const auto simulation = table.optional_table("simulation")) {
     stage.simulation = read_simulation(*simulation, stage.light_positions.size());
   }
+  stage.hardware = read_hardware(table);
   table.finish();
   if (stage.cameras.empty()) table.fail("camera", "is missing: a stage needs at least one [[camera]]");
   if (stage.light_positions.empty()) table.fail("light", "is missing: a stage needs at least one [[light]]");
@@ -192,11 +194,16 @@ std::string to_toml(const Stage& stage) {
       "frame.\n";
   text += "name = \"" + stage.name + "\"\n";
   text += "radius_m = " + toml_number(stage.radius_m) + "\n";
-  for (const StageCamera& camera : stage.cameras) append_camera(text, camera);
+  text += controllers_and_lines_toml(stage.hardware);
+  for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
+    append_camera(text, stage.cameras[i]);
+    if (!stage.hardware.cameras.empty()) text += device_toml(stage.hardware.cameras.at(i));
+  }
   append_simulation(text, stage.simulation);
   text += "\n# Lights, counted from 0.\n";
   for (std::size_t i = 0; i < stage.light_positions.size(); ++i) {
     text += "[[light]]  # " + std::to_string(i) + "\nposition_m = " + list(stage.light_positions[i]) + "\n";
+    if (!stage.hardware.wiring.empty()) text += wiring_toml(stage.hardware.wiring.at(i));
   }
   return text;
 }
