@@ -29,9 +29,9 @@ class PatternPlayer {
   virtual ~PatternPlayer() = default;
   // Replaces what was loaded. Lights nothing.
   virtual void load(std::span<const std::vector<LightLevel>> patterns) = 0;
-  // Lights pattern `first` of those loaded. Every strobe pulse from now on lights the next one when it ends; after the
-  // last all lights are off.
-  virtual void arm(std::size_t first) = 0;
+  // Lights pattern `first` of those loaded. Every strobe pulse from now on lights the next one, `delay` after it ends (by
+  // so much other cameras' exposures may end later); after the last all lights are off.
+  virtual void arm(std::size_t first, core::Nanoseconds delay) = 0;
   // Waits until pattern `index` has been reached, at most until `deadline` on the session's clock. Returns a time at
   // which it was certainly lit already (all lights off, when `index` is one past the last pattern); nothing when it was
   // not reached.

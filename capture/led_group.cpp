@@ -90,8 +90,8 @@ class LedGroup final : public LedController, public PatternPlayer {
     for_each_member(members_.size(), [&](std::size_t i) { player_of(i).load(parts[i]); });
   }
 
-  void arm(std::size_t first) override {
-    for_each_member(members_.size(), [&](std::size_t i) { player_of(i).arm(first); });
+  void arm(std::size_t first, core::Nanoseconds delay) override {
+    for_each_member(members_.size(), [&](std::size_t i) { player_of(i).arm(first, delay); });
   }
 
   std::optional<core::Nanoseconds> wait_for_pattern(std::size_t index, core::Nanoseconds deadline) override {

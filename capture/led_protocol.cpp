@@ -118,7 +118,7 @@ struct WritePayload {
     w.u32(m.first);
     w.u8(static_cast<std::uint8_t>(m.source));
     w.u8(static_cast<std::uint8_t>(m.edge));
-    w.zeros(2);
+    w.u16(m.delay);
   }
   void operator()(const Ack& m) const {
     w.u8(static_cast<std::uint8_t>(m.command));
@@ -184,7 +184,7 @@ std::optional<LedMessage> read_arm(Reader& r) {
   m.first = r.u32();
   m.source = static_cast<StepSource>(r.u8());
   m.edge = static_cast<StrobeEdge>(r.u8());
-  r.reserved(2);
+  m.delay = r.u16();
   if (m.source > StepSource::kStrobe || m.edge > StrobeEdge::kFalling) return std::nullopt;
   return m;
 }

@@ -89,6 +89,7 @@ struct Arm {
   std::uint32_t first = 0;  // pattern that is lit at once
   StepSource source = StepSource::kCommand;
   StrobeEdge edge = StrobeEdge::kFalling;
+  std::uint16_t delay = 0;  // from the strobe's edge to the step, in units of 10 us
   friend bool operator==(const Arm&, const Arm&) = default;
 };
 struct StepOn {

@@ -13,6 +13,7 @@ namespace lightstage::capture {
 namespace {
 
 constexpr core::Nanoseconds kReplyTimeout = 100 * core::kMillisecond;
+constexpr core::Nanoseconds kDelayUnit = 10'000;  // of ARM
 constexpr int kTries = 4;
 constexpr core::Nanoseconds kKeepAlivePeriod = 150 * core::kMillisecond;
 constexpr std::size_t kLoadChunk = 4096;
@@ -384,12 +385,17 @@ void ProtocolLeds::load(std::span<const std::vector<LightLevel>> patterns) {
   impl_->upload();
 }
 
-void ProtocolLeds::arm(std::size_t first) {
+void ProtocolLeds::arm(std::size_t first, core::Nanoseconds delay) {
   const std::lock_guard lock(impl_->mutex);
+  const core::Nanoseconds units = (delay + kDelayUnit - 1) / kDelayUnit;
+  if (delay < 0 || units > 0xFFFF) {
+    throw core::DeviceError(impl_->options.name + ": it can wait at most 0.65 s after a strobe");
+  }
   impl_->make_ready();
   if (!impl_->loaded && impl_->pattern_count > 0) impl_->upload();
   impl_->armed = false;
-  const Ack ack = impl_->obeyed(Arm{static_cast<std::uint32_t>(first), StepSource::kStrobe, StrobeEdge::kFalling});
+  const Ack ack = impl_->obeyed(Arm{static_cast<std::uint32_t>(first), StepSource::kStrobe, StrobeEdge::kFalling,
+                                    static_cast<std::uint16_t>(units)});
   // Events that came before the answer belong to what was armed before.
   impl_->reached.clear();
   impl_->armed = true;

@@ -3,6 +3,9 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "capture/hardware_rig.h"
+#include "capture/light_check.h"
+#include "capture/preview.h"
 #include "capture/session.h"
 #include "cli/commands.h"
 #include "cli/jobs/mask.h"
@@ -35,6 +38,14 @@ struct Options {
   int tracking_every = 10;
   std::optional<double> exposure_ms;
   std::vector<int> drop;
+  std::optional<capture::Timing> timing;
+  std::optional<double> settle_ms;
+  bool dry_run = false;
+  bool check_lights = false, skip_light_check = false;
+  std::filesystem::path preview;
+  int preview_every = 10;
+  bool tev = false;
+  std::string tev_address = "127.0.0.1:14158";
 };
 
 db::ScanKind scan_kind(sim::SubjectKind subject) {

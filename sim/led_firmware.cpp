@@ -44,12 +44,19 @@ std::optional<LedFirmware::Due> LedFirmware::next_due() const {
 
 std::optional<Nanoseconds> LedFirmware::next_event() const {
   const std::optional<Due> due = next_due();
-  return due ? std::optional(due->time) : std::nullopt;
+  if (delayed_steps_.empty()) return due ? std::optional(due->time) : std::nullopt;
+  return due ? std::min(due->time, delayed_steps_.front()) : delayed_steps_.front();
 }
 
 void LedFirmware::tick(Nanoseconds now) {
-  // Whatever falls due first leaves the controller dark, so that nothing else is due after it.
-  const std::optional<Due> due = next_due();
+  std::optional<Due> due = next_due();
+  while (!delayed_steps_.empty() && delayed_steps_.front() <= now && (!due || delayed_steps_.front() < due->time)) {
+    const Nanoseconds time = delayed_steps_.front();
+    delayed_steps_.pop_front();
+    step_by_strobe(time);
+    due = next_due();
+  }
+  // Whatever else falls due first leaves the controller dark, so that nothing is due after it.
   if (!due || due->time > now) return;
   if (due->output) outputs_[*due->output].resting = due->fault == capture::kFaultDuty;
   fail(due->fault, due->time);
@@ -121,6 +128,7 @@ void LedFirmware::find_exhaustion() {
 
 void LedFirmware::go_dark(Nanoseconds time) {
   position_.reset();
+  delayed_steps_.clear();
   light({}, time);
 }
 
@@ -240,6 +248,7 @@ LedMessage LedFirmware::show(const capture::Show& command, Nanoseconds now) {
   }
   if (const auto output = resting_output(command.pattern, now)) return nak(kType, NakReason::kResting, *output);
   position_.reset();
+  delayed_steps_.clear();
   light(command.pattern, now);
   return ack(kType);
 }
@@ -288,6 +297,8 @@ LedMessage LedFirmware::arm(const capture::Arm& command, Nanoseconds now) {
   }
   source_ = command.source;
   edge_ = command.edge;
+  delay_ = command.delay * Nanoseconds{10'000};
+  delayed_steps_.clear();
   position_ = command.first;
   light(patterns_[command.first], now);
   return ack(kType);
@@ -313,13 +324,19 @@ LedMessage LedFirmware::step_by_command(Nanoseconds now) {
 void LedFirmware::strobe_edge(bool rising, Nanoseconds now) {
   tick(now);
   const bool wanted = rising == (edge_ == capture::StrobeEdge::kRising);
-  if (!armed() || source_ != capture::StepSource::kStrobe || !wanted || *position_ >= patterns_.size()) return;
+  if (!armed() || source_ != capture::StepSource::kStrobe || !wanted) return;
+  if (*position_ + delayed_steps_.size() >= patterns_.size()) return;
+  if (delay_ == 0) return step_by_strobe(now);
+  delayed_steps_.push_back(now + delay_);
+}
+
+void LedFirmware::step_by_strobe(Nanoseconds time) {
   const OutputPattern& next = pattern_at(*position_ + 1);
-  if (resting_output(next, now)) return fail(capture::kFaultDuty, now);
+  if (resting_output(next, time)) return fail(capture::kFaultDuty, time);
   ++*position_;
   ++steps_;
-  light(next, now);
-  send(capture::Stepped{static_cast<std::uint32_t>(*position_), steps_, static_cast<std::uint64_t>(now / 1000)}, 0);
+  light(next, time);
+  send(capture::Stepped{static_cast<std::uint32_t>(*position_), steps_, static_cast<std::uint64_t>(time / 1000)}, 0);
 }
 
 // ---- answers

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <functional>
 #include <optional>
 #include <span>
@@ -104,6 +105,7 @@ class LedFirmware {
   std::int64_t heat_limit() const;
   void find_exhaustion();
   std::optional<Due> next_due() const;
+  void step_by_strobe(core::Nanoseconds time);
   void send(const capture::LedMessage& message, std::uint32_t sequence);
 
   LedFirmwareOptions options_;
@@ -121,6 +123,8 @@ class LedFirmware {
   std::optional<std::size_t> position_;  // while armed
   capture::StepSource source_ = capture::StepSource::kCommand;
   capture::StrobeEdge edge_ = capture::StrobeEdge::kFalling;
+  core::Nanoseconds delay_ = 0;
+  std::deque<core::Nanoseconds> delayed_steps_;  // when they fall due
   std::uint32_t faults_ = 0, steps_ = 0, supply_millivolts_ = 0;
   std::int16_t temperature_tenths_ = capture::kNotMeasured;
 };

@@ -2,9 +2,13 @@
 
 #include <deque>
 #include <limits>
+#include <mutex>
 
+#include "capture/protocol_leds.h"
 #include "core/error.h"
 #include "sim/devices/led_bank.h"
+#include "sim/firmware_link.h"
+#include "sim/led_firmware.h"
 #include "sim/scene/random.h"
 #include "sim/sensor.h"
 
@@ -15,55 +19,93 @@ namespace {
 constexpr core::Nanoseconds kShortestExposure = 1000, kLongestExposure = 10 * core::kSecond;
 
 // What random numbers are for: keeps their streams apart, and those of the subject's motion.
-enum Purpose : std::uint64_t { kJitter = 0x7269670001, kDrop, kSensor };
+enum Purpose : std::uint64_t { kJitter = 0x7269670001, kDrop, kSensor, kPhase, kTransfer };
 
 bool contains(const std::vector<int>& list, int value) {
   return std::find(list.begin(), list.end(), value) != list.end();
 }
 
+// The firmware at the end of a link in memory, and the LEDs that it drives.
 class SimulatedLights : public capture::LedController {
  public:
-  SimulatedLights(const World& world, core::Clock& clock)
+  SimulatedLights(const World& world, core::Clock& clock, const DeviceTimes& times)
       : faults_(world.simulation().faults),
         clock_(clock),
-        leds_(world.simulation().stage.light_positions.size(), faults_.rise_time) {}
+        times_(times),
+        leds_(world.simulation().stage.light_positions.size(), faults_.rise_time),
+        firmware_(options(leds_.light_count()), [this](core::Nanoseconds time, auto lit) { change(time, lit); }) {
+    auto link = std::make_unique<FirmwareLink>(firmware_, clock);
+    link_ = link.get();
+    capture::ProtocolLedsOptions host{.name = "simulated LED controller", .keep_alive = false};
+    for (std::size_t i = 0; i < leds_.light_count(); ++i) host.output_of_light.push_back(static_cast<int>(i));
+    host_ = std::make_unique<capture::ProtocolLeds>(std::move(link), std::move(host), clock);
+  }
 
   std::size_t light_count() const override { return leds_.light_count(); }
 
   void show(std::span<const capture::LightLevel> levels) override {
     if (contains(faults_.light_timeouts, shows_++)) throw core::DeviceError("simulated LED controller: no answer");
-    for (const capture::LightLevel& l : levels) check(l);
-    leds_.show(clock_.now(), levels);
+    clock_.sleep_until(clock_.now() + times_.command / 2);
+    host_->show(levels);
+    clock_.sleep_until(clock_.now() + times_.command / 2);
   }
 
-  void all_off() override { leds_.show(clock_.now(), {}); }
+  void all_off() override { host_->all_off(); }
+  capture::LedStatus status() override { return host_->status(); }
+  capture::PatternPlayer* player() override { return host_->player(); }
+
+  void strobe(core::Nanoseconds begin, core::Nanoseconds end) {
+    link_->schedule_strobe(true, begin);
+    link_->schedule_strobe(false, end);
+  }
+  // Steps that fell due in the meantime are carried out, each at its own time.
+  void catch_up() { link_->catch_up(); }
 
   LedBank& leds() { return leds_; }
 
  private:
-  void check(const capture::LightLevel& l) const {
-    const auto good = [](float v) { return v >= 0 && v <= 1; };
-    const bool known = l.light_index >= 0 && static_cast<std::size_t>(l.light_index) < leds_.light_count();
-    if (!known || !good(l.r) || !good(l.g) || !good(l.b)) {
-      throw core::DeviceError("simulated LED controller: cannot show light " + std::to_string(l.light_index) + " at " +
-                              std::to_string(l.r) + ", " + std::to_string(l.g) + ", " + std::to_string(l.b));
+  static LedFirmwareOptions options(std::size_t outputs) {
+    if (outputs > capture::kMaxLedOutputs) {
+      throw core::UsageError("a simulated stage has at most " + std::to_string(capture::kMaxLedOutputs) +
+                             " lights, this one has " + std::to_string(outputs));
     }
+    LedFirmwareOptions options;
+    options.identity.outputs = static_cast<std::uint16_t>(outputs);
+    // Calibration exposes for long; nothing here gets hot.
+    options.identity.duty_per_mille = 1000;
+    options.identity.on_time_limit_ms = 0;
+    // Nobody sends a keep-alive while virtual time is slept through.
+    options.host_silence_limit = 24 * 3600 * core::kSecond;
+    return options;
+  }
+
+  void change(core::Nanoseconds time, std::span<const capture::OutputLevel> lit) {
+    std::vector<capture::LightLevel> levels;
+    const auto level = [](std::uint16_t value) { return static_cast<float>(value) / 65535.0f; };
+    for (const capture::OutputLevel& l : lit) levels.push_back({l.output, level(l.r), level(l.g), level(l.b)});
+    leds_.show(time, levels);
   }
 
   const FaultSpec& faults_;
   core::Clock& clock_;
+  DeviceTimes times_;
   LedBank leds_;
+  LedFirmware firmware_;
+  FirmwareLink* link_ = nullptr;  // belongs to host_
+  std::unique_ptr<capture::ProtocolLeds> host_;
   int shows_ = 0;
 };
 
 class SimulatedCamera : public capture::Camera {
  public:
-  SimulatedCamera(const World& world, std::size_t camera_index, const LedBank& leds, core::Clock& clock)
+  SimulatedCamera(const World& world, std::size_t camera_index, SimulatedLights& lights, core::Clock& clock,
+                  const DeviceTimes& times)
       : world_(world),
         camera_(world.simulation().stage.cameras[camera_index]),
         camera_index_(camera_index),
-        leds_(leds),
-        clock_(clock) {}
+        lights_(lights),
+        clock_(clock),
+        times_(times) {}
 
   std::string name() const override { return camera_.name; }
 
@@ -72,34 +114,37 @@ class SimulatedCamera : public capture::Camera {
       throw core::DeviceError("simulated camera '" + camera_.name + "': exposures are 0.001 to 10000 ms, not " +
                               std::to_string(static_cast<double>(exposure) / 1e6));
     }
+    run_until(clock_.now());
     exposure_ = exposure;
   }
 
-  void set_exposing(capture::Exposing) override {}
-  core::Nanoseconds frame_period() const override { return exposure_; }
+  void set_exposing(capture::Exposing exposing) override {
+    free_ = exposing == capture::Exposing::kFreeRunning;
+    const double phase = uniform(seed_for(kPhase, 0), 0);
+    next_start_ = clock_.now() + std::llround(phase * static_cast<double>(times_.shortest_period));
+  }
 
-  // A camera that is exposing already misses the trigger, as real ones do.
+  core::Nanoseconds frame_period() const override { return std::max(exposure_, times_.shortest_period); }
+
   void trigger(int exposure_number) {
     if (exposure_ == 0) throw core::DeviceError("simulated camera '" + camera_.name + "': no exposure time was set");
     const core::Nanoseconds now = clock_.now();
-    if (now < busy_until_) return;
-    const Pending pending{now + delay(now), exposure_, sequence_number_++,
-                          contains(faults().damage_exposures, exposure_number)};
-    busy_until_ = pending.end();
-    if (contains(faults().drop_exposures, exposure_number)) return;
-    if (uniform(seed_for(kDrop, now), 0) < faults().drop_probability) return;
-    pending_.push_back(pending);
-    if (contains(faults().duplicate_exposures, exposure_number)) pending_.push_back(pending);
+    if (free_ || now < busy_until_) return;
+    const core::Nanoseconds start = now + delay(now);
+    expose(start, now, exposure_number);
+    if (camera_index_ == 0) lights_.strobe(start, start + exposure_);
   }
 
   std::optional<capture::CameraFrame> wait_frame(core::Nanoseconds deadline) override {
-    if (pending_.empty() || pending_.front().end() > deadline) {
+    run_until(deadline);
+    if (pending_.empty() || pending_.front().ready > deadline) {
       clock_.sleep_until(deadline);
       return std::nullopt;
     }
     const Pending pending = pending_.front();
     pending_.pop_front();
-    clock_.sleep_until(pending.end());
+    clock_.sleep_until(pending.ready);
+    lights_.catch_up();
     return deliver(pending);
   }
 
@@ -108,13 +153,38 @@ class SimulatedCamera : public capture::Camera {
     return pending_.empty() ? std::numeric_limits<core::Nanoseconds>::max() : pending_.front().start;
   }
 
+  std::vector<capture::LightLevel> light_in_frame(std::int64_t sequence_number) const {
+    const std::lock_guard lock(light_in_frame_mutex_);
+    return light_in_frame_.at(sequence_number);
+  }
+
  private:
   struct Pending {
-    core::Nanoseconds start = 0, exposure = 0;
+    core::Nanoseconds start = 0, exposure = 0, ready = 0;
     std::int64_t sequence_number = 0;
     bool damaged = false;
     core::Nanoseconds end() const { return start + exposure; }
   };
+
+  // `number` counts exposures, for the faults that are listed by it.
+  void expose(core::Nanoseconds start, core::Nanoseconds now, int number) {
+    const double late = uniform(seed_for(kTransfer, now), 0) * static_cast<double>(times_.transfer_jitter);
+    const core::Nanoseconds ready = start + exposure_ + times_.transfer + std::llround(late);
+    const Pending pending{start, exposure_, ready, sequence_number_++, contains(faults().damage_exposures, number)};
+    busy_until_ = start + frame_period();
+    if (contains(faults().drop_exposures, number)) return;
+    if (uniform(seed_for(kDrop, now), 0) < faults().drop_probability) return;
+    pending_.push_back(pending);
+    if (contains(faults().duplicate_exposures, number)) pending_.push_back(pending);
+  }
+
+  // The exposures of a camera that runs free, up to this time.
+  void run_until(core::Nanoseconds time) {
+    while (free_ && exposure_ > 0 && next_start_ <= time) {
+      expose(next_start_, next_start_, free_exposures_++);
+      next_start_ += frame_period();
+    }
+  }
 
   const FaultSpec& faults() const { return world_.simulation().faults; }
 
@@ -131,15 +201,19 @@ class SimulatedCamera : public capture::Camera {
     return std::llround(jitter * static_cast<double>(faults().trigger_jitter));
   }
 
-  capture::CameraFrame deliver(const Pending& pending) const {
-    const core::Image radiance = world_.render(camera_.model, leds_.mean_levels(pending.start, pending.end()),
-                                               pending.start + pending.exposure / 2);
+  capture::CameraFrame deliver(const Pending& pending) {
+    std::vector<capture::LightLevel> levels = lights_.leds().mean_levels(pending.start, pending.end());
+    const core::Image radiance = world_.render(camera_.model, levels, pending.start + pending.exposure / 2);
+    {
+      const std::lock_guard lock(light_in_frame_mutex_);
+      light_in_frame_[pending.sequence_number] = std::move(levels);
+    }
     capture::CameraFrame frame;
     frame.image = sense(radiance, world_.simulation().sensor, camera_.responsivity, pending.exposure,
                         seed_for(kSensor, pending.start));
     frame.saturation = saturation_radiance(camera_.responsivity, pending.exposure);
     frame.sequence_number = pending.sequence_number;
-    frame.timestamp = pending.start;
+    frame.timestamp = times_.stamped_on_arrival ? pending.ready : pending.start;
     frame.damaged = pending.damaged;
     if (pending.damaged) {
       const std::span<float> values = frame.image.values();
@@ -151,19 +225,25 @@ class SimulatedCamera : public capture::Camera {
   const World& world_;
   const capture::StageCamera& camera_;
   std::size_t camera_index_;
-  const LedBank& leds_;
+  SimulatedLights& lights_;
   core::Clock& clock_;
-  core::Nanoseconds exposure_ = 0, busy_until_ = 0;
+  DeviceTimes times_;
+  core::Nanoseconds exposure_ = 0, busy_until_ = 0, next_start_ = 0;
+  bool free_ = false;
+  int free_exposures_ = 0;
   std::int64_t sequence_number_ = 0;
+  mutable std::mutex light_in_frame_mutex_;  // asked for on the thread that keeps frames
+  std::map<std::int64_t, std::vector<capture::LightLevel>> light_in_frame_;
   std::deque<Pending> pending_;
 };
 
 }  // namespace
 
 struct SimulatedRig::Impl : capture::Trigger {
-  Impl(const World& world, core::Clock& the_clock) : clock(the_clock), lights(world, the_clock) {
+  Impl(const World& world, core::Clock& the_clock, const DeviceTimes& times)
+      : clock(the_clock), lights(world, the_clock, times) {
     for (std::size_t i = 0; i < world.simulation().stage.cameras.size(); ++i) {
-      cameras.push_back(std::make_unique<SimulatedCamera>(world, i, lights.leds(), the_clock));
+      cameras.push_back(std::make_unique<SimulatedCamera>(world, i, lights, the_clock, times));
       camera_pointers.push_back(cameras.back().get());
     }
   }
@@ -171,6 +251,7 @@ struct SimulatedRig::Impl : capture::Trigger {
   void fire() override {
     core::Nanoseconds oldest = clock.now();
     for (const auto& camera : cameras) oldest = std::min(oldest, camera->oldest_pending());
+    lights.catch_up();
     lights.leds().forget_before(oldest);
     for (const auto& camera : cameras) camera->trigger(exposures);
     ++exposures;
@@ -183,7 +264,8 @@ struct SimulatedRig::Impl : capture::Trigger {
   int exposures = 0;
 };
 
-SimulatedRig::SimulatedRig(const World& world, core::Clock& clock) : impl_(std::make_unique<Impl>(world, clock)) {}
+SimulatedRig::SimulatedRig(const World& world, core::Clock& clock, const DeviceTimes& times)
+    : impl_(std::make_unique<Impl>(world, clock, times)) {}
 SimulatedRig::~SimulatedRig() = default;
 
 capture::Rig SimulatedRig::rig() {
@@ -196,6 +278,11 @@ bool SimulatedRig::any_light_on() const {
 
 int SimulatedRig::exposures() const {
   return impl_->exposures;
+}
+
+std::vector<capture::LightLevel> SimulatedRig::light_in_frame(std::size_t camera_index,
+                                                              std::int64_t sequence_number) const {
+  return impl_->cameras.at(camera_index)->light_in_frame(sequence_number);
 }
 
 }  // namespace lightstage::sim

@@ -11,6 +11,15 @@
 
 namespace lightstage::sim {
 
+// How long simulated devices take. All zero: as fast as the physics of exposure allows.
+struct DeviceTimes {
+  core::Nanoseconds command = 0;          // from a command to the controller's answer; the lights change half way
+  core::Nanoseconds transfer = 0;         // from the end of an exposure until its frame can be fetched
+  core::Nanoseconds transfer_jitter = 0;  // up to so much longer
+  core::Nanoseconds shortest_period = 0;  // between the starts of a camera's exposures
+  bool stamped_on_arrival = false;        // frames carry the time at which they can be fetched
+};
+
 // LEDs with rise time, cameras with exposure, jitter, noise and quantisation, a trigger; and faults as the
 // simulation's FaultSpec says: those listed by exposure or call befall every camera alike, drop_probability and
 // jitter each camera on its own. The devices behave as real ones do:
@@ -18,7 +27,10 @@ namespace lightstage::sim {
 // - A frame shows the world at the middle of its exposure under the mean light of its exposure (LedBank). It is
 //   rendered when it is fetched, and can be fetched from the end of the exposure on.
 // - An exposure begins 4 standard deviations of the jitter after its trigger on average, and never before it.
-// - A camera that is exposing misses the trigger. Exposures from 1 us to 10 s can be set.
+// - A camera that is exposing, or whose shortest period has not passed, misses the trigger. Exposures from 1 us to 10 s can be set.
+// - A camera that runs free exposes every shortest period, or as fast as the exposure lets it, from a phase of its own.
+// - The LED controller is the firmware of led_firmware.h, spoken to in its protocol. It steps through a loaded sequence at the
+//   end of the first camera's exposures.
 // - A show() that times out switches nothing.
 //
 // Time is the given clock's: with a VirtualClock a capture takes no longer than its rendering. The subject's pose,
@@ -27,7 +39,7 @@ namespace lightstage::sim {
 class SimulatedRig {
  public:
   // The cameras of the world's stage, in order. World and clock must outlive the rig.
-  SimulatedRig(const World& world, core::Clock& clock);
+  SimulatedRig(const World& world, core::Clock& clock, const DeviceTimes& times = {});
   ~SimulatedRig();
   SimulatedRig(const SimulatedRig&) = delete;
   SimulatedRig& operator=(const SimulatedRig&) = delete;
@@ -38,6 +50,10 @@ class SimulatedRig {
   bool any_light_on() const;
   // Exposures triggered so far.
   int exposures() const;
+  // The truth about a frame that was delivered: the mean levels of the lights during its exposure, of those that gave any.
+  // Throws std::out_of_range for a frame that was not.
+  // May be called from any thread.
+  std::vector<capture::LightLevel> light_in_frame(std::size_t camera_index, std::int64_t sequence_number) const;
 
  private:
   struct Impl;

@@ -15,6 +15,23 @@ void CameraFeed::set_exposure(core::Nanoseconds exposure) {
   exposure_ = exposure;
 }
 
+void CameraFeed::set_exposing(Exposing exposing) {
+  if (exposing_ == exposing) return;
+  camera_->set_exposing(exposing);
+  exposing_ = exposing;
+}
+
+void CameraFeed::forget() {
+  exposure_.reset();
+  exposing_.reset();
+}
+
+std::optional<CameraFrame> CameraFeed::next(core::Nanoseconds deadline) {
+  std::optional<CameraFrame> frame = camera_->wait_frame(deadline);
+  if (frame) note(*frame);
+  return frame;
+}
+
 bool CameraFeed::note(const CameraFrame& frame) {
   if (last_sequence_number_ && frame.sequence_number <= *last_sequence_number_) return false;
   // A damaged frame's number may be damaged too: one that is far too high would turn away every frame after

@@ -17,13 +17,19 @@ class CameraFeed {
 
   const std::string& name() const { return name_; }
 
-  // Asks the camera only when it changes, or was forgotten.
+  // These ask the camera only when something changes, or was forgotten.
   void set_exposure(core::Nanoseconds exposure);
-  void forget_exposure() { exposure_.reset(); }
+  void set_exposing(Exposing exposing);
+  // After a failure of the camera: both are set anew when they are asked for.
+  void forget();
 
   // Throws away what is queued now; how many frames that was. Throws DeviceError when they never end (a
   // camera that runs free).
   std::size_t flush(core::Nanoseconds now);
+
+  // The oldest frame of those that have come or come until `deadline`, whatever it is.
+  std::optional<CameraFrame> next(core::Nanoseconds deadline);
+  core::Nanoseconds frame_period() const { return camera_->frame_period(); }
 
   struct Result {
     std::optional<CameraFrame> frame;
@@ -42,6 +48,7 @@ class CameraFeed {
   Camera* camera_;
   std::string name_;
   std::optional<core::Nanoseconds> exposure_;
+  std::optional<Exposing> exposing_;
   std::optional<std::int64_t> last_sequence_number_;
 };
 

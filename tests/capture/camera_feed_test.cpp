@@ -85,6 +85,8 @@ TEST_CASE("a damaged frame of this exposure ends the waiting, an old one does no
 TEST_CASE("a camera is told its exposure only when that changes") {
   struct CountingCamera : capture::Camera {
     std::string name() const override { return "counting"; }
+    void set_exposing(capture::Exposing) override {}
+    core::Nanoseconds frame_period() const override { return 0; }
     void set_exposure(core::Nanoseconds) override { ++calls; }
     std::optional<capture::CameraFrame> wait_frame(core::Nanoseconds) override { return std::nullopt; }
     int calls = 0;
@@ -93,7 +95,7 @@ TEST_CASE("a camera is told its exposure only when that changes") {
   CameraFeed feed(camera);
   for (const core::Nanoseconds exposure : {5, 5, 7, 7, 5}) feed.set_exposure(exposure);
   CHECK(camera.calls == 3);
-  feed.forget_exposure();
+  feed.forget();
   feed.set_exposure(5);
   CHECK(camera.calls == 4);
 }

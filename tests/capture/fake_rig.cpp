@@ -7,44 +7,92 @@
 
 namespace lightstage::test {
 
-class FakeRig::Lights : public capture::LedController {
+class FakeRig::Lights : public capture::LedController, public capture::PatternPlayer {
  public:
   explicit Lights(FakeRig& rig) : rig_(rig) {}
   std::size_t light_count() const override { return rig_.light_count_; }
+
   void show(std::span<const capture::LightLevel> levels) override {
+    playing_ = false;
     if (rig_.show_failures.contains(rig_.show_calls_++)) throw core::DeviceError("fake LEDs: no answer");
+    rig_.clock_.sleep_until(rig_.clock_.now() + rig_.command_time / 2);
     rig_.shown_.emplace_back(levels.begin(), levels.end());
-    rig_.lights_change(rig_.shown_.back());
+    rig_.change_lights(rig_.clock_.now(), rig_.shown_.back());
+    rig_.clock_.sleep_until(rig_.clock_.now() + rig_.command_time / 2);
   }
+
   void all_off() override {
+    playing_ = false;
     if (rig_.all_off_calls_++ < rig_.all_off_failures) throw core::DeviceError("fake LEDs: deaf");
-    rig_.lights_change({});
+    rig_.change_lights(rig_.clock_.now(), {});
+  }
+
+  capture::PatternPlayer* player() override { return rig_.holds_sequences ? this : nullptr; }
+
+  void load(std::span<const std::vector<capture::LightLevel>> patterns) override {
+    patterns_.assign(patterns.begin(), patterns.end());
+  }
+
+  void arm(std::size_t first, core::Nanoseconds delay) override {
+    playing_ = true;
+    at_ = first;
+    delay_ = delay;
+    step_times_.clear();
+    rig_.change_lights(rig_.clock_.now(), patterns_.at(first));
+  }
+
+  std::optional<core::Nanoseconds> wait_for_pattern(std::size_t index, core::Nanoseconds deadline) override {
+    while (at_ < index) {
+      if (step_times_.empty() || step_times_.front() > deadline) {
+        rig_.clock_.sleep_until(deadline);
+        return std::nullopt;
+      }
+      rig_.clock_.sleep_until(step_times_.front());
+      rig_.change_lights(step_times_.front(),
+                         ++at_ < patterns_.size() ? patterns_[at_] : decltype(patterns_)::value_type{});
+      step_times_.pop_front();
+    }
+    return rig_.clock_.now();
+  }
+
+  void exposure_ends(core::Nanoseconds time) {
+    if (playing_) step_times_.push_back(time + rig_.strobe_time + delay_);
   }
 
  private:
   FakeRig& rig_;
+  std::vector<std::vector<capture::LightLevel>> patterns_;
+  bool playing_ = false;
+  std::size_t at_ = 0;
+  core::Nanoseconds delay_ = 0;
+  std::deque<core::Nanoseconds> step_times_;
 };
 
 class FakeRig::Camera : public capture::Camera {
  public:
   Camera(FakeRig& rig, std::size_t index) : rig_(rig), index_(index) {}
   std::string name() const override { return "fake" + std::to_string(index_); }
-  void set_exposure(core::Nanoseconds exposure) override { exposure_ = exposure; }
-  void set_exposing(capture::Exposing) override {}
-  core::Nanoseconds frame_period() const override { return exposure_; }
+  void set_exposure(core::Nanoseconds exposure) override {
+    run_until(rig_.clock_.now());
+    exposure_ = exposure;
+  }
+  void set_exposing(capture::Exposing exposing) override {
+    free_ = exposing == capture::Exposing::kFreeRunning;
+    next_start_ = rig_.clock_.now() + static_cast<core::Nanoseconds>(index_) * rig_.phase_of_camera;
+  }
+  core::Nanoseconds frame_period() const override { return std::max(exposure_, rig_.least_period); }
 
-  void expose(int exposure_number) {
+  void expose(int exposure_number, core::Nanoseconds triggered) {
     const Delivery script = rig_.delivery(index_, exposure_number);
-    const core::Nanoseconds start = rig_.clock_.now() + script.start_delay, end = start + exposure_;
-    const float value = value_for(rig_.lit_, rig_.light_count_);
-    for (int i = 0; i < script.copies; ++i) {
-      queue_.push_back({make_frame(value, sequence_number_, start, script.damaged), end, end + script.late,
-                        script.raises_device_error});
+    if (free_ || script.swallowed || triggered < busy_until_) return;
+    expose(script, triggered + script.start_delay);
+    if (index_ == 0 && !rig_.strobe_failures.contains(exposure_number)) {
+      rig_.lights_->exposure_ends(triggered + script.start_delay + exposure_);
     }
-    ++sequence_number_;
   }
 
   std::optional<capture::CameraFrame> wait_frame(core::Nanoseconds deadline) override {
+    run_until(deadline);
     // Drivers deliver in the order in which frames become ready.
     const auto next = std::min_element(queue_.begin(), queue_.end(),
                                        [](const Queued& a, const Queued& b) { return a.ready < b.ready; });
@@ -56,27 +104,41 @@ class FakeRig::Camera : public capture::Camera {
     Queued taken = std::move(*next);
     queue_.erase(next);
     if (taken.raises_device_error) throw core::DeviceError("fake camera: unplugged");
+    const bool mixed = taken.exposure_end < taken.begin;  // one added by hand
+    if (!taken.frame.damaged) {
+      taken.frame.image = picture(mixed ? kMixed : rig_.value_between(taken.begin, taken.exposure_end));
+    }
     return std::move(taken.frame);
   }
 
-  void lights_changed() {
-    for (Queued& queued : queue_) {
-      if (queued.frame.damaged || rig_.clock_.now() >= queued.exposure_end) continue;
-      const bool begun = rig_.clock_.now() > queued.frame.timestamp;
-      queued.frame.image = picture(begun ? kMixed : value_for(rig_.lit_, rig_.light_count_));
-    }
-  }
-
   void add(std::int64_t sequence_number, core::Nanoseconds timestamp, bool damaged) {
-    queue_.push_back({make_frame(kMixed, sequence_number, timestamp, damaged), timestamp, timestamp, false});
+    queue_.push_back({make_frame(sequence_number, timestamp, damaged), timestamp, timestamp - 1, timestamp, false});
   }
 
  private:
   struct Queued {
     capture::CameraFrame frame;
-    core::Nanoseconds exposure_end = 0, ready = 0;
+    core::Nanoseconds begin = 0, exposure_end = 0, ready = 0;
     bool raises_device_error = false;
   };
+
+  void expose(const Delivery& script, core::Nanoseconds start) {
+    const core::Nanoseconds end = start + exposure_;
+    for (int i = 0; i < script.copies; ++i) {
+      queue_.push_back({make_frame(sequence_number_, start + script.stamp_late, script.damaged), start, end,
+                        end + script.late, script.raises_device_error});
+    }
+    ++sequence_number_;
+    busy_until_ = start + std::max(exposure_, rig_.least_period);
+  }
+
+  // The exposures of a camera that runs free, up to this time.
+  void run_until(core::Nanoseconds time) {
+    while (free_ && exposure_ > 0 && next_start_ <= time) {
+      expose(rig_.delivery(index_, free_exposures_++), next_start_);
+      next_start_ += frame_period();
+    }
+  }
 
   core::Image picture(float value) const {
     core::Image image(2, 3, 1);
@@ -85,14 +147,15 @@ class FakeRig::Camera : public capture::Camera {
     return image;
   }
 
-  capture::CameraFrame make_frame(float value, std::int64_t sequence_number, core::Nanoseconds start,
-                                  bool damaged) const {
-    return {picture(damaged ? kDamaged : value), 4000, sequence_number, start, damaged};
+  capture::CameraFrame make_frame(std::int64_t sequence_number, core::Nanoseconds stamp, bool damaged) const {
+    return {picture(kDamaged), 4000, sequence_number, stamp, damaged};
   }
 
   FakeRig& rig_;
   std::size_t index_;
-  core::Nanoseconds exposure_ = 0;
+  core::Nanoseconds exposure_ = 0, busy_until_ = 0, next_start_ = 0;
+  bool free_ = false;
+  int free_exposures_ = 0;
   std::int64_t sequence_number_ = 100;
   std::deque<Queued> queue_;
 };
@@ -102,7 +165,13 @@ class FakeRig::Trigger : public capture::Trigger {
   explicit Trigger(FakeRig& rig) : rig_(rig) {}
   void fire() override {
     rig_.on_fire(rig_.exposures_);
-    for (const auto& camera : rig_.cameras_) camera->expose(rig_.exposures_);
+    const auto part = rig_.fire_time / static_cast<core::Nanoseconds>(rig_.cameras_.size());
+    core::Nanoseconds time = rig_.clock_.now();
+    for (const auto& camera : rig_.cameras_) {
+      camera->expose(rig_.exposures_, time);
+      time += part;
+    }
+    rig_.clock_.sleep_until(rig_.clock_.now() + rig_.fire_time);
     ++rig_.exposures_;
   }
 
@@ -144,9 +213,27 @@ void FakeRig::add_stale_frame(std::size_t camera, std::int64_t sequence_number, 
   cameras_[camera]->add(sequence_number, timestamp, damaged);
 }
 
-void FakeRig::lights_change(std::vector<capture::LightLevel> levels) {
-  lit_ = std::move(levels);
-  for (const auto& camera : cameras_) camera->lights_changed();
+void FakeRig::change_lights(core::Nanoseconds time, std::vector<capture::LightLevel> levels) {
+  changes_.push_back({time, std::move(levels)});
+}
+
+float FakeRig::value_between(core::Nanoseconds begin, core::Nanoseconds end) const {
+  float value = 0;
+  double sum = 0;
+  bool mixed = false;
+  core::Nanoseconds since = begin;
+  for (const Change& change : changes_) {
+    const float next = value_for(change.levels, light_count_);
+    if (change.time > begin && change.time < end && next != value) {
+      mixed = true;
+      sum += static_cast<double>(value) * static_cast<double>(change.time - since);
+      since = change.time;
+    }
+    if (change.time < end || change.time <= begin) value = next;
+  }
+  if (!mixed) return value;
+  sum += static_cast<double>(value) * static_cast<double>(end - since);
+  return static_cast<float>(sum / static_cast<double>(end - begin)) + kMixture;
 }
 
 }  // namespace lightstage::test

@@ -1,4 +1,5 @@
 #include <catch2/catch.hpp>
+#include <map>
 #include <random>
 #include <set>
 #include <thread>
@@ -312,7 +313,7 @@ TEST_CASE("a sequence is played by strobes, and each pattern is waited for", "[p
   REQUIRE(player != nullptr);
   player->load(one_after_the_other(100));  // 1200 bytes, in 7 parts
   CHECK(rig.changes.empty());
-  player->arm(2);
+  player->arm(2, 0);
   CHECK(rig.firmware.lit().at(0).output == 7);
   CHECK(player->wait_for_pattern(2, rig.clock.now()) == rig.clock.now());
   for (std::size_t i = 3; i <= 100; ++i) {
@@ -332,7 +333,7 @@ TEST_CASE("a sequence is played by strobes, and each pattern is waited for", "[p
 TEST_CASE("a step that does not come is waited for until the deadline", "[protocol-leds]") {
   Rig rig;
   rig.leds->load(one_after_the_other(5));
-  rig.leds->arm(0);
+  rig.leds->arm(0, 0);
   const Nanoseconds deadline = rig.clock.now() + 20 * kMillisecond;
   CHECK_FALSE(rig.leds->wait_for_pattern(1, deadline));
   CHECK(rig.clock.now() == deadline);
@@ -341,7 +342,7 @@ TEST_CASE("a step that does not come is waited for until the deadline", "[protoc
 TEST_CASE("a lost event costs time, not a step", "[protocol-leds]") {
   Rig rig;
   rig.leds->load(one_after_the_other(5));
-  rig.leds->arm(0);
+  rig.leds->arm(0, 0);
   rig.strobe(5 * kMillisecond);
   rig.clock.sleep_until(rig.clock.now() + 5 * kMillisecond);
   rig.link->inner.catch_up();
@@ -361,21 +362,21 @@ TEST_CASE("a lost event costs time, not a step", "[protocol-leds]") {
 TEST_CASE("events of what was armed before are not taken for those of now", "[protocol-leds]") {
   Rig rig;
   rig.leds->load(one_after_the_other(5));
-  rig.leds->arm(0);
+  rig.leds->arm(0, 0);
   rig.strobe(kMillisecond);
   rig.clock.sleep_until(rig.clock.now() + kMillisecond);
-  rig.leds->arm(0);
+  rig.leds->arm(0, 0);
   CHECK_FALSE(rig.leds->wait_for_pattern(1, rig.clock.now() + kMillisecond));
 }
 
 TEST_CASE("a sequence is loaded again where it was lost with the controller", "[protocol-leds]") {
   Rig rig;
   rig.leds->load(one_after_the_other(60));
-  rig.leds->arm(0);
+  rig.leds->arm(0, 0);
   rig.fault(0, Fault::kUnplugged);
   CHECK_THROWS_AS(rig.leds->show(kFirst), core::DeviceError);
   rig.link->plugged = true;
-  rig.leds->arm(59);
+  rig.leds->arm(59, 0);
   CHECK(rig.firmware.lit().at(0).output == 7);
 
   // In the midst of loading, too.
@@ -383,7 +384,7 @@ TEST_CASE("a sequence is loaded again where it was lost with the controller", "[
   CHECK_THROWS_AS(rig.leds->load(one_after_the_other(61)), core::DeviceError);
   CHECK(rig.firmware.lit().empty());
   rig.link->plugged = true;
-  rig.leds->arm(60);
+  rig.leds->arm(60, 0);
   CHECK(rig.firmware.lit().at(0).output == 4);
 }
 
@@ -510,7 +511,7 @@ TEST_CASE("while the host lives, the lights stay on; when it is stuck, they do n
 
   // While a pattern is waited for as well.
   leds.load(one_after_the_other(3));
-  leds.arm(0);
+  leds.arm(0, 0);
   CHECK_FALSE(leds.wait_for_pattern(1, clock.now() + 700 * kMillisecond));
   CHECK(firmware.faults() == 0);
 

@@ -58,7 +58,8 @@ LedMessage random_message(Random& random, std::size_t kind) {
       return Load{random.u32(), offset + static_cast<std::uint32_t>(bytes.size()) + rest, random.u32(), offset, bytes};
     }
     case 3:
-      return Arm{random.u32(), StepSource(random.below(2)), StrobeEdge(random.below(2))};
+      return Arm{random.u32(), StepSource(random.below(2)), StrobeEdge(random.below(2)),
+                 static_cast<std::uint16_t>(random.u32())};
     case 4:
       return StepOn{};
     case 5:
@@ -252,7 +253,7 @@ TEST_CASE("values without a meaning are refused", "[led-protocol]") {
   CHECK_FALSE(with(Show{{{1, 1, 1, 1}, {2, 2, 2, 2}}}, 12, 1));  // an output twice
   CHECK_FALSE(with(Show{{{1, 1, 1, 1}, {2, 2, 2, 2}}}, 12, 0));  // falling order
   CHECK_FALSE(with(Show{{{1, 1, 1, 1}}}, 5, 0x10));              // output 4097
-  CHECK(with(Arm{}, 6, 9) == LedMessage(Arm{}));                 // reserved: what is there is not read
+  CHECK(with(Arm{}, 6, 9) == LedMessage(Arm{.delay = 9}));
   // A LOAD whose bytes end after its sequence, also where the sum does not fit into 32 bits.
   CHECK_FALSE(decode(frames_in(encode(Load{1, 10, 0, 8, Bytes(3)}, 1))[0]));
   CHECK_FALSE(decode(frames_in(encode(Load{1, 10, 0, 0xFFFFFFFF, Bytes(3)}, 1))[0]));

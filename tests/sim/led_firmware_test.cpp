@@ -374,6 +374,23 @@ TEST_CASE("the player steps by command or by the edge it was told, and stops aft
           std::vector<Change>{{1, kRed}, {t, {}}, {t + kMillisecond, kTwo}, {t + 2 * kMillisecond, {}}});
     CHECK(bench.status(20 * kMillisecond).steps == 3);
   }
+  SECTION("by strobe, delayed") {
+    bench.ask(Arm{0, StepSource::kStrobe, StrobeEdge::kFalling, 200}, 1);
+    // Two pulses before the first step is due, each stepping 2 ms after its end; a third beyond the end.
+    for (const Nanoseconds t : {10, 11, 12, 13}) bench.firmware.strobe_edge(false, t * kMillisecond);
+    CHECK(bench.firmware.next_event() == 12 * kMillisecond);
+    bench.firmware.tick(50 * kMillisecond);
+    const Nanoseconds t = 12 * kMillisecond;
+    CHECK(bench.changes ==
+          std::vector<Change>{{1, kRed}, {t, {}}, {t + kMillisecond, kTwo}, {t + 2 * kMillisecond, {}}});
+    // What makes it dark forgets what is due.
+    bench.ask(Arm{0, StepSource::kStrobe, StrobeEdge::kFalling, 200}, 60 * kMillisecond);
+    bench.firmware.strobe_edge(false, 61 * kMillisecond);
+    bench.ask(Off{}, 62 * kMillisecond);
+    bench.firmware.tick(100 * kMillisecond);
+    CHECK(bench.firmware.lit().empty());
+    CHECK(bench.status(100 * kMillisecond).steps == 3);
+  }
   SECTION("SHOW ends it") {
     bench.ask(Arm{0, StepSource::kStrobe, StrobeEdge::kFalling}, 1);
     bench.ask(Show{kGreen}, 2);

@@ -184,8 +184,8 @@ TEST_CASE("a pass that is resumed goes on in time, with another rig") {
     core::VirtualClock clock;
     sim::SimulatedRig rig(world, clock);
     const capture::Rig whole = rig.rig();
-    Unplugged trigger(whole.trigger, 8);
-    CHECK_THROWS_AS(capture::run_session(store, scan, steps, {whole.lights, trigger, whole.cameras, clock}),
+    Unplugged trigger(*whole.trigger, 8);
+    CHECK_THROWS_AS(capture::run_session(store, scan, steps, {whole.lights, &trigger, whole.cameras, clock}),
                     core::DeviceError);
     CHECK_FALSE(rig.any_light_on());
   }

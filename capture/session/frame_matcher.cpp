@@ -1,0 +1,132 @@
+#include "capture/session/frame_matcher.h"
+
+#include <algorithm>
+
+namespace lightstage::capture {
+
+namespace {
+constexpr std::size_t kLineLength = 15;  // frames that a line is laid through
+constexpr std::size_t kLineLeast = 6;
+}  // namespace
+
+void TriggeredMatcher::expect(int step, core::Nanoseconds first_start, core::Nanoseconds last_start) {
+  windows_.push_back({step, first_start, std::max(first_start, last_start)});
+}
+
+std::size_t TriggeredMatcher::outstanding() const {
+  return windows_.size() > frames_.size() ? windows_.size() - frames_.size() : 0;
+}
+
+std::optional<std::size_t> TriggeredMatcher::only_window(const CameraFrame& frame) const {
+  const core::Nanoseconds earliest = frame.timestamp - latency_.most, latest = frame.timestamp - latency_.least;
+  std::optional<std::size_t> only;
+  for (std::size_t i = 0; i < windows_.size(); ++i) {
+    if (windows_[i].last_start < earliest || windows_[i].first_start > latest) continue;
+    if (only) return std::nullopt;
+    only = i;
+  }
+  return only;
+}
+
+std::vector<MatchedFrame> TriggeredMatcher::close() {
+  // In the order of arrival: where each frame seems to belong, for those that seem to belong somewhere.
+  struct Claim {
+    std::size_t window = 0, frame = 0;
+    bool certain = true;
+  };
+  std::vector<Claim> claims;
+  std::optional<std::int64_t> last_number;
+  std::vector<int> claimed(windows_.size(), 0);
+  for (std::size_t i = 0; i < frames_.size(); ++i) {
+    const bool repeated = last_number && frames_[i].sequence_number <= *last_number;
+    if (!repeated && !frames_[i].damaged) last_number = frames_[i].sequence_number;
+    const std::optional<std::size_t> window = only_window(frames_[i]);
+    if (repeated || !window) continue;
+    ++claimed[*window];
+    claims.push_back({*window, i, !frames_[i].damaged});
+  }
+  // Two frames for one exposure: one of them is another exposure's, and nobody knows which.
+  for (Claim& claim : claims) claim.certain = claim.certain && claimed[claim.window] == 1;
+  // A difference of numbers that is not that of the exposures: the later frame, at least, may be misplaced. Damaged
+  // frames' numbers may be damaged too.
+  for (std::size_t i = 1; i < claims.size(); ++i) {
+    const CameraFrame &before = frames_[claims[i - 1].frame], &after = frames_[claims[i].frame];
+    if (before.damaged || after.damaged) continue;
+    const auto steps = static_cast<std::int64_t>(claims[i].window) - static_cast<std::int64_t>(claims[i - 1].window);
+    const std::int64_t numbers = after.sequence_number - before.sequence_number;
+    if (steps == numbers) continue;
+    claims[i].certain = false;
+    // More exposures than were asked for, or time that runs backwards: neither is to be trusted.
+    if (numbers > steps) claims[i - 1].certain = false;
+  }
+  std::vector<MatchedFrame> matched;
+  for (const Claim& claim : claims) {
+    if (claim.certain) matched.push_back({windows_[claim.window].step, std::move(frames_[claim.frame])});
+  }
+  std::sort(matched.begin(), matched.end(), [](const auto& a, const auto& b) { return a.step < b.step; });
+  windows_.clear();
+  frames_.clear();
+  return matched;
+}
+
+std::optional<core::Nanoseconds> StampLine::offset() const {
+  if (offsets_.size() < kLineLeast) return std::nullopt;
+  return *std::min_element(offsets_.begin(), offsets_.end());
+}
+
+std::optional<core::Nanoseconds> StampLine::note(const CameraFrame& frame) {
+  const core::Nanoseconds value = frame.timestamp - frame.sequence_number * period_;
+  offsets_.push_back(value);
+  if (offsets_.size() > kLineLength) offsets_.pop_front();
+  const std::optional<core::Nanoseconds> line = offset();
+  if (!line) return std::nullopt;
+  return value - *line;
+}
+
+std::optional<core::Nanoseconds> StampLine::next_stamp(core::Nanoseconds time) const {
+  const std::optional<core::Nanoseconds> start = offset();
+  if (!start || period_ <= 0) return std::nullopt;
+  const core::Nanoseconds since = time - *start;
+  const core::Nanoseconds periods = since >= 0 ? (since + period_ - 1) / period_ : -(-since / period_);
+  return *start + periods * period_;
+}
+
+FreeRunMatcher::FreeRunMatcher(Latency latency, core::Nanoseconds period, core::Nanoseconds tolerance)
+    : latency_{latency.least - tolerance, latency.most + tolerance}, tolerance_(tolerance), line_(period) {}
+
+void FreeRunMatcher::lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start) {
+  windows_.push_back({step, first_start, last_start});
+}
+
+void FreeRunMatcher::add(CameraFrame frame) {
+  const bool repeated = last_number_ && frame.sequence_number <= *last_number_;
+  if (repeated || frame.damaged) return;
+  last_number_ = frame.sequence_number;
+  const std::optional<core::Nanoseconds> off_line = line_.note(frame);
+  if (off_line && *off_line <= tolerance_) certain_in_line_.push_back(std::move(frame));
+}
+
+std::optional<core::Nanoseconds> FreeRunMatcher::next_start(core::Nanoseconds time) const {
+  const std::optional<core::Nanoseconds> stamp = line_.next_stamp(time + latency_.most);
+  if (!stamp) return std::nullopt;
+  return *stamp + tolerance_ - latency_.least;  // stamps up to the tolerance after the line are taken
+}
+
+std::vector<MatchedFrame> FreeRunMatcher::close() {
+  std::vector<MatchedFrame> matched;
+  for (const Window& window : windows_) {
+    const auto shows = [&](const CameraFrame& frame) {
+      return frame.timestamp - latency_.most >= window.first_start &&
+             frame.timestamp - latency_.least <= window.last_start;
+    };
+    const auto frame = std::find_if(certain_in_line_.begin(), certain_in_line_.end(), shows);
+    if (frame == certain_in_line_.end()) continue;
+    matched.push_back({window.step, std::move(*frame)});
+    certain_in_line_.erase(frame);
+  }
+  windows_.clear();
+  certain_in_line_.clear();
+  return matched;
+}
+
+}  // namespace lightstage::capture

@@ -1,0 +1,107 @@
+// Which step a frame shows when lights change before frames have arrived: decided so that a frame is never given to a step
+// that it does not show. What is not certain is left out, and its step taken again.
+//
+// The evidence is threefold. Time: a driver stamps a frame some latency after the exposure began; that latency lies within
+// bounds that were measured beforehand (latency.h). Sequence numbers: they must advance as the exposures do. And the
+// caller's: frames of known brightness (witness.h).
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <vector>
+
+#include "capture/devices.h"
+
+namespace lightstage::capture {
+
+// Bounds of a camera's time stamps after the true start of exposure.
+struct Latency {
+  core::Nanoseconds least = 0, most = 0;
+  core::Nanoseconds range() const { return most - least; }
+};
+
+struct MatchedFrame {
+  int step = 0;
+  CameraFrame frame;
+};
+
+// Frames of a camera that exposes only when it is triggered.
+class TriggeredMatcher {
+ public:
+  explicit TriggeredMatcher(Latency latency) : latency_(latency) {}
+
+  // An exposure of this step was asked for and began, if at all, within these times. Steps come in the order of time.
+  void expect(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
+  void add(CameraFrame frame) { frames_.push_back(std::move(frame)); }
+
+  // How many frames have come, and how many are still expected, both since the last close.
+  std::size_t arrived() const { return frames_.size(); }
+  std::size_t outstanding() const;
+
+  // The frames that are certain, in the order of steps, at most one for each; begins anew. A frame is certain when the time
+  // stamp leaves one step, when no other frame claims that step, and when its sequence number is as far from those of the
+  // frames before and after it as their steps are. Frames flagged as damaged and repeats of a number never are.
+  std::vector<MatchedFrame> close();
+
+ private:
+  struct Window {
+    int step = 0;
+    core::Nanoseconds first_start = 0, last_start = 0;
+  };
+  std::optional<std::size_t> only_window(const CameraFrame& frame) const;
+
+  Latency latency_;
+  std::vector<Window> windows_;
+  std::vector<CameraFrame> frames_;
+};
+
+// Where the exposures of a camera that runs free lie in time: its stamps against its sequence numbers. A busy machine stamps
+// frames late, never early, so the line goes through the earliest of the newest 15.
+class StampLine {
+ public:
+  explicit StampLine(core::Nanoseconds period) : period_(period) {}
+  // Takes note of a frame; how much later than the line its stamp is; nothing while there are fewer than 6 frames.
+  std::optional<core::Nanoseconds> note(const CameraFrame& frame);
+  // The first stamp not before `time` that the line has; nothing while there are fewer than 6 frames.
+  std::optional<core::Nanoseconds> next_stamp(core::Nanoseconds time) const;
+
+ private:
+  std::optional<core::Nanoseconds> offset() const;
+
+  core::Nanoseconds period_;
+  std::deque<core::Nanoseconds> offsets_;  // of stamp - number * period
+};
+
+// Frames of a camera that runs free.
+class FreeRunMatcher {
+ public:
+  // Latency is widened by `tolerance` on both sides; a frame whose stamp is later than that after the line is not certain.
+  FreeRunMatcher(Latency latency, core::Nanoseconds period, core::Nanoseconds tolerance);
+
+  // Exposures that begin within these times show this step alone.
+  void lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
+  void add(CameraFrame frame);
+
+  // When the next exposure that begins at or after `time`, as far as can be known, will certainly have begun.
+  std::optional<core::Nanoseconds> next_start(core::Nanoseconds time) const;
+
+  // The frames that are certain, as TriggeredMatcher::close: every start that the latency allows lies within one step's
+  // times. The first such frame of each step.
+  std::vector<MatchedFrame> close();
+
+ private:
+  struct Window {
+    int step = 0;
+    core::Nanoseconds first_start = 0, last_start = 0;
+  };
+  Latency latency_;
+  core::Nanoseconds tolerance_;
+  StampLine line_;
+  std::optional<std::int64_t> last_number_;
+  std::vector<Window> windows_;
+  std::vector<CameraFrame> certain_in_line_;
+};
+
+}  // namespace lightstage::capture

@@ -1,0 +1,233 @@
+#include "capture/session/latency.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/error.h"
+#include "core/interrupt.h"
+
+namespace lightstage::capture {
+
+namespace {
+
+constexpr int kTriggeredFrames = 6;  // every other one lit
+constexpr int kFlashes = 8;
+// The whole stage must not flash faster than 3 times a second: that can set off seizures (ITU-R BT.1702).
+constexpr core::Nanoseconds kFlashLeast = 170 * core::kMillisecond;
+constexpr core::Nanoseconds kLeastTolerance = 1 * core::kMillisecond;
+constexpr core::Nanoseconds kSearchFrom = -50 * core::kMillisecond, kSearchTo = 500 * core::kMillisecond,
+                            kSearchStep = core::kMillisecond / 5;
+
+[[noreturn]] void fail(const CameraFeed& feed, const std::string& problem) {
+  throw core::DeviceError("camera '" + feed.name() + "' cannot be timed: " + problem);
+}
+
+std::vector<LightLevel> all_lights(const Pass& pass) {
+  std::vector<LightLevel> all(pass.rig().lights.light_count());
+  for (std::size_t i = 0; i < all.size(); ++i) all[i].light_index = static_cast<int>(i);
+  return all;
+}
+
+// When the lights were switched: certainly not before `asked`, certainly done at `done`.
+struct Switching {
+  core::Nanoseconds asked = 0, done = 0;
+  bool lit = false;
+};
+
+Switching switch_lights(Pass& pass, bool lit) {
+  const core::Nanoseconds asked = pass.now();
+  pass.rig().lights.show(lit ? all_lights(pass) : std::vector<LightLevel>{});
+  pass.rig().clock.sleep_until(pass.now() + pass.sequence().settle);
+  return {asked, pass.now(), lit};
+}
+
+struct SeenFrame {
+  core::Nanoseconds timestamp = 0;
+  double mean = 0;
+};
+
+// The least and the greatest share of an exposure that began at `start` in which the lights were on.
+std::pair<double, double> lit_share(const std::vector<Switching>& switchings, core::Nanoseconds start,
+                                    core::Nanoseconds exposure) {
+  const auto overlap = [&](core::Nanoseconds from, core::Nanoseconds to) {
+    const core::Nanoseconds length = std::min(to, start + exposure) - std::max(from, start);
+    return static_cast<double>(std::max<core::Nanoseconds>(0, length)) / static_cast<double>(exposure);
+  };
+  double least = 0, most = 0;
+  for (std::size_t i = 0; i < switchings.size(); ++i) {
+    if (!switchings[i].lit) continue;
+    const bool last = i + 1 == switchings.size();
+    const core::Nanoseconds never = std::numeric_limits<core::Nanoseconds>::max() / 2;
+    least += overlap(switchings[i].done, last ? never : switchings[i + 1].asked);
+    most += overlap(switchings[i].asked, last ? never : switchings[i + 1].done);
+  }
+  return {least, std::min(most, 1.0)};
+}
+
+Brightness brightness_of(const std::vector<SeenFrame>& frames) {
+  const auto [darkest, brightest] =
+      std::minmax_element(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.mean < b.mean; });
+  return {darkest->mean, brightest->mean};
+}
+
+// How many frames this latency explains.
+std::size_t explained(const std::vector<SeenFrame>& frames, const std::vector<Switching>& switchings,
+                      const Brightness& brightness, core::Nanoseconds exposure, core::Nanoseconds latency) {
+  constexpr double kSlack = 0.08;  // lights that rise slowly, noise
+  const auto fits = [&](const SeenFrame& frame) {
+    const double share = (frame.mean - brightness.dark) / (brightness.full - brightness.dark);
+    const auto [least, most] = lit_share(switchings, frame.timestamp - latency, exposure);
+    return share >= least - kSlack && share <= most + kSlack;
+  };
+  return static_cast<std::size_t>(std::count_if(frames.begin(), frames.end(), fits));
+}
+
+// The latencies that explain the most frames.
+Latency best_latency(const CameraFeed& feed, const std::vector<SeenFrame>& frames,
+                     const std::vector<Switching>& switchings, const Brightness& brightness,
+                     core::Nanoseconds exposure) {
+  std::size_t most = 0;
+  Latency best;
+  for (core::Nanoseconds latency = kSearchFrom; latency <= kSearchTo; latency += kSearchStep) {
+    const std::size_t count = explained(frames, switchings, brightness, exposure, latency);
+    if (count > most) best = {latency, latency};
+    if (count == most && latency == best.most + kSearchStep) best.most = latency;
+    most = std::max(most, count);
+  }
+  if (4 * most < 3 * frames.size()) {
+    fail(feed, "its frames do not follow the lights (" + std::to_string(most) + " of " + std::to_string(frames.size()) +
+                   " explained by any delay of their time stamps)");
+  }
+  return {best.least - kSearchStep, best.most + kSearchStep};
+}
+
+// How far stamps stray from even spacing.
+core::Nanoseconds jitter(const std::vector<core::Nanoseconds>& off_line) {
+  core::Nanoseconds most = 0;
+  for (const core::Nanoseconds value : off_line) most = std::max(most, std::abs(value));
+  return most;
+}
+
+}  // namespace
+
+double mean_value(const core::Image& image) {
+  double sum = 0;
+  for (const float value : image.values()) sum += static_cast<double>(value);
+  return image.values().empty() ? 0 : sum / static_cast<double>(image.values().size());
+}
+
+Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
+  struct Seen {
+    std::vector<core::Nanoseconds> after_call, after_return;
+    Brightness sum;
+    int dark = 0, full = 0;
+    std::size_t bytes = 0;
+  };
+  std::vector<CameraFeed>& feeds = pass.feeds();
+  std::vector<Seen> seen(feeds.size());
+  Reference reference;
+  for (int i = 0; i < kTriggeredFrames; ++i) {
+    core::throw_if_interrupted();
+    const bool lit = i % 2 == 1;
+    switch_lights(pass, lit);
+    for (CameraFeed& feed : feeds) {
+      feed.set_exposing(Exposing::kTriggered);
+      feed.set_exposure(exposure);
+      feed.flush(pass.now());
+    }
+    const core::Nanoseconds called = pass.now();
+    pass.rig().trigger->fire();
+    const core::Nanoseconds returned = pass.now();
+    reference.longest_trigger = std::max(reference.longest_trigger, returned - called);
+    for (std::size_t c = 0; c < feeds.size(); ++c) {
+      const auto result = feeds[c].receive(called, called + exposure + pass.options().frame_timeout);
+      if (!result.frame) continue;
+      seen[c].after_call.push_back(result.frame->timestamp - called);
+      seen[c].after_return.push_back(result.frame->timestamp - returned);
+      (lit ? seen[c].sum.full : seen[c].sum.dark) += mean_value(result.frame->image);
+      ++(lit ? seen[c].full : seen[c].dark);
+      seen[c].bytes = result.frame->image.values().size_bytes();
+    }
+  }
+  for (std::size_t c = 0; c < feeds.size(); ++c) {
+    if (seen[c].dark == 0 || seen[c].full == 0 || seen[c].after_call.size() < 3) {
+      fail(feeds[c], "of " + std::to_string(kTriggeredFrames) + " triggered frames " +
+                         std::to_string(seen[c].after_call.size()) + " came");
+    }
+    CameraReference camera;
+    camera.latency = {*std::min_element(seen[c].after_return.begin(), seen[c].after_return.end()),
+                      *std::max_element(seen[c].after_call.begin(), seen[c].after_call.end())};
+    camera.tolerance = kLeastTolerance + camera.latency.range() / 2;
+    camera.latency.least -= camera.tolerance;
+    camera.latency.most += camera.tolerance;
+    camera.brightness = {seen[c].sum.dark / seen[c].dark, seen[c].sum.full / seen[c].full};
+    camera.frame_bytes = seen[c].bytes;
+    reference.cameras.push_back(camera);
+  }
+  return reference;
+}
+
+Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
+  std::vector<CameraFeed>& feeds = pass.feeds();
+  core::Nanoseconds period = 0;
+  for (CameraFeed& feed : feeds) {
+    feed.set_exposing(Exposing::kFreeRunning);
+    feed.set_exposure(exposure);
+    period = std::max(period, feed.frame_period());
+  }
+  std::vector<std::vector<SeenFrame>> frames(feeds.size());
+  std::vector<StampLine> lines;
+  std::vector<std::vector<core::Nanoseconds>> off_line(feeds.size());
+  std::vector<std::size_t> bytes(feeds.size(), 0);
+  for (CameraFeed& feed : feeds) lines.emplace_back(feed.frame_period());
+  core::Nanoseconds listen_from = 0;
+  const auto listen = [&](core::Nanoseconds until) {
+    do {
+      for (std::size_t c = 0; c < feeds.size(); ++c) {
+        while (const std::optional<CameraFrame> frame = feeds[c].next(pass.now())) {
+          if (frame->damaged || frame->timestamp < listen_from) continue;
+          if (const auto off = lines[c].note(*frame)) off_line[c].push_back(*off);
+          frames[c].push_back({frame->timestamp, mean_value(frame->image)});
+          bytes[c] = frame->image.values().size_bytes();
+        }
+      }
+      pass.rig().clock.sleep_until(std::min(until, pass.now() + core::kMillisecond));
+    } while (pass.now() < until);
+  };
+  // Frames of the exposure set before, and those under way, are let go by.
+  std::vector<Switching> switchings{switch_lights(pass, false)};
+  const core::Nanoseconds quiet = pass.now() + 3 * period + kSearchTo / 2;
+  for (CameraFeed& feed : feeds) feed.flush(pass.now());
+  while (pass.now() < quiet) {
+    pass.rig().clock.sleep_until(std::min(quiet, pass.now() + period));
+    for (CameraFeed& feed : feeds) feed.flush(pass.now());
+  }
+  listen_from = pass.now();
+  for (int i = 0; i < kFlashes; ++i) {
+    core::throw_if_interrupted();
+    // Times that fit no multiple of the period, each another, so that only one delay explains them all.
+    const double periods = 2.2 + 0.37 * i;
+    switchings.push_back(switch_lights(pass, i % 2 == 0));
+    listen(pass.now() + kFlashLeast + static_cast<core::Nanoseconds>(periods * static_cast<double>(period)));
+  }
+  switchings.push_back(switch_lights(pass, false));
+  listen(pass.now() + 2 * period + kSearchTo / 2);
+
+  Reference reference;
+  for (std::size_t c = 0; c < feeds.size(); ++c) {
+    if (frames[c].size() < 8) fail(feeds[c], "it sends no frames while it should run free");
+    CameraReference camera;
+    camera.brightness = brightness_of(frames[c]);
+    if (!(camera.brightness.full > 1.5 * std::abs(camera.brightness.dark) + 1e-9)) {
+      fail(feeds[c], "it does not see the lights (pictures with all of them on are no brighter than dark ones)");
+    }
+    camera.latency = best_latency(feeds[c], frames[c], switchings, camera.brightness, exposure);
+    camera.tolerance = kLeastTolerance + 2 * jitter(off_line[c]);
+    camera.frame_bytes = bytes[c];
+    reference.cameras.push_back(camera);
+  }
+  return reference;
+}
+
+}  // namespace lightstage::capture

@@ -1,0 +1,13 @@
+// The plain way: light, settle, trigger, wait for every frame.
+#pragma once
+
+#include "capture/session/pass.h"
+
+namespace lightstage::capture {
+
+// Takes every frame that is missing. A frame belongs to a step only when its time stamp is not before the trigger and its
+// sequence number is higher than all that the camera sent before. The lights change only after every frame has come or is given
+// up, so a late frame is turned away by its time stamp.
+void run_lockstep(Pass& pass);
+
+}  // namespace lightstage::capture

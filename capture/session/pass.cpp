@@ -1,0 +1,114 @@
+#include "capture/session/pass.h"
+
+#include <cstdio>
+
+#include "core/error.h"
+
+namespace lightstage::capture {
+
+namespace {
+// Asking a controller for its temperature takes its time too.
+constexpr core::Nanoseconds kStatusEvery = 2 * core::kSecond;
+}  // namespace
+
+std::string describe(const db::Step& step) {
+  const std::string light = step.light_index ? ", light " + std::to_string(*step.light_index) : "";
+  return "step " + std::to_string(step.step_index) + " (" + std::string(db::to_string(step.kind)) + light + ")";
+}
+
+Pass::Pass(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options,
+           Stored stored, FrameKeeper::Store store)
+    : sequence_(sequence),
+      rig_(rig),
+      options_(options),
+      stored_(std::move(stored)),
+      begin_(rig.clock.now()),
+      progress_("capture " + name, sequence.steps.size() * rig.cameras.size() - stored_.size()),
+      keeper_(std::move(store)) {
+  for (Camera* camera : rig.cameras) feeds_.emplace_back(*camera);
+  report_.steps = sequence.steps.size();
+  report_.already_stored = stored_.size();
+}
+
+std::vector<LightLevel> Pass::levels_of(const db::Step& step) const {
+  return levels(step, rig_.lights.light_count());
+}
+
+bool Pass::missing(const db::Step& step, const CameraFeed& feed) const {
+  return !stored_.contains({step.step_index, feed.name()});
+}
+
+std::vector<CameraFeed*> Pass::cameras_without(const db::Step& step) {
+  std::vector<CameraFeed*> without;
+  for (CameraFeed& feed : feeds_) {
+    if (missing(step, feed)) without.push_back(&feed);
+  }
+  return without;
+}
+
+std::vector<const db::Step*> Pass::unfinished() {
+  std::vector<const db::Step*> steps;
+  for (const db::Step& step : sequence_.steps) {
+    if (!cameras_without(step).empty()) steps.push_back(&step);
+  }
+  return steps;
+}
+
+int Pass::tries(const db::Step& step) const {
+  const auto found = tries_.find(step.step_index);
+  return found == tries_.end() ? 0 : found->second;
+}
+
+void Pass::set_exposure(core::Nanoseconds exposure) {
+  for (CameraFeed& feed : feeds_) feed.set_exposure(exposure);
+}
+
+void Pass::set_exposing(Exposing exposing) {
+  for (CameraFeed& feed : feeds_) feed.set_exposing(exposing);
+}
+
+void Pass::forget_cameras() {
+  for (CameraFeed& feed : feeds_) feed.forget();
+}
+
+void Pass::keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame) {
+  if (!missing(step, feed)) {
+    ++report_.discarded;
+    return;
+  }
+  const int attempt = std::max(1, tries(step));
+  keeper_.keep({&step, feed.name(), attempt, std::move(frame)});
+  stored_.emplace(step.step_index, feed.name());
+  ++report_.stored;
+  if (attempt > 1) ++report_.retaken;
+  show_progress(step);
+}
+
+void Pass::show_progress(const db::Step& step) {
+  const core::Nanoseconds time = now();
+  if (status_time_ == 0 || time - status_time_ > kStatusEvery) {
+    status_time_ = time;
+    const LedStatus lights = rig_.lights.status();
+    status_.clear();
+    char number[64];
+    if (lights.temperature_celsius) {
+      std::snprintf(number, sizeof number, ", LEDs at %.0f C", *lights.temperature_celsius);
+      status_ += number;
+    }
+    for (const std::string& fault : lights.faults) status_ += ", " + fault;
+  }
+  const double seconds = static_cast<double>(time - begin_) / static_cast<double>(core::kSecond);
+  char rate[64] = "";
+  if (seconds > 0) std::snprintf(rate, sizeof rate, ", %.1f frames/s", static_cast<double>(report_.stored) / seconds);
+  progress_.set_status(describe(step) + rate + ", " + std::to_string(report_.dropped) + " dropped, " +
+                       std::to_string(report_.retaken) + " retaken" + status_);
+  progress_.advance();
+}
+
+void Pass::give_up(const db::Step& step, const CameraFeed& feed, const std::string& trouble) const {
+  throw core::DeviceError("camera '" + feed.name() + "' gave no good frame of " + describe(step) + " in " +
+                          std::to_string(options_.attempts) + " tries: " + trouble +
+                          "; what was stored is kept, check the device and resume");
+}
+
+}  // namespace lightstage::capture

@@ -1,0 +1,75 @@
+// What the timing modes share: which frames are missing, where they go, and what happened so far.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "capture/session.h"
+#include "capture/session/camera_feed.h"
+#include "capture/session/frame_keeper.h"
+#include "core/progress.h"
+
+namespace lightstage::capture {
+
+class Pass {
+ public:
+  using Stored = std::set<std::pair<int, std::string>>;  // step index and camera
+
+  // Frames go to `store` on another thread. All references must outlive the pass.
+  Pass(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options, Stored stored,
+       FrameKeeper::Store store);
+
+  const Sequence& sequence() const { return sequence_; }
+  const Rig& rig() const { return rig_; }
+  const SessionOptions& options() const { return options_; }
+  core::Nanoseconds now() const { return rig_.clock.now(); }
+  std::vector<CameraFeed>& feeds() { return feeds_; }
+  SessionReport& report() { return report_; }
+
+  const db::Step& step(int step_index) const { return sequence_.steps[static_cast<std::size_t>(step_index)]; }
+  std::vector<LightLevel> levels_of(const db::Step& step) const;
+  bool missing(const db::Step& step, const CameraFeed& feed) const;
+  std::vector<CameraFeed*> cameras_without(const db::Step& step);
+  std::vector<const db::Step*> unfinished();
+
+  // Counts and returns how often the step has been tried, this time included.
+  int begin_try(const db::Step& step) { return ++tries_[step.step_index]; }
+  int tries(const db::Step& step) const;
+
+  // Sets the exposure of every camera; DeviceError as Camera::set_exposure.
+  void set_exposure(core::Nanoseconds exposure);
+  void set_exposing(Exposing exposing);
+  // After a device failed: cameras may have started anew.
+  void forget_cameras();
+
+  // Hands the frame on to be stored, unless it is there already (then it is discarded). Throws what storing threw.
+  void keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame);
+  // Returns when all frames are stored.
+  void finish() { keeper_.finish(); }
+
+  // Ends the session with DeviceError.
+  [[noreturn]] void give_up(const db::Step& step, const CameraFeed& feed, const std::string& trouble) const;
+
+ private:
+  void show_progress(const db::Step& step);
+
+  const Sequence& sequence_;
+  const Rig& rig_;
+  const SessionOptions& options_;
+  std::vector<CameraFeed> feeds_;
+  Stored stored_;
+  std::map<int, int> tries_;
+  SessionReport report_;
+  core::Nanoseconds begin_, status_time_ = 0;
+  std::string status_;  // of the lights, as last asked
+  core::Progress progress_;
+  FrameKeeper keeper_;
+};
+
+// "step 4 (light, light 1)"
+std::string describe(const db::Step& step);
+
+}  // namespace lightstage::capture

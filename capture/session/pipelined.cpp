@@ -1,0 +1,157 @@
+#include "capture/session/pipelined.h"
+
+#include "capture/session/latency.h"
+#include "capture/session/runs.h"
+#include "capture/session/witness.h"
+#include "core/error.h"
+#include "core/interrupt.h"
+
+namespace lightstage::capture {
+
+namespace {
+
+constexpr std::size_t kLongestRun = 64;
+constexpr core::Nanoseconds kStrobeDelay = 100 * core::kMillisecond;  // after the exposure's end, at most
+
+class PipelinedPass {
+ public:
+  PipelinedPass(Pass& pass, PatternPlayer& player) : pass_(pass), player_(player), steps_(pass.unfinished()) {}
+
+  void run() {
+    const core::Nanoseconds begin = pass_.now();
+    for (const db::Step* step : steps_) {
+      if (!references_.contains(step->exposure_ns)) {
+        references_.emplace(step->exposure_ns, measure_triggered(pass_, step->exposure_ns));
+      }
+    }
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
+      witnesses_.emplace_back(references_.begin()->second.cameras[c]);
+    }
+    pass_.report().preparation = pass_.now() - begin;
+    std::size_t first = 0;
+    int failures = 0;
+    for (const Run& run : cut_into_runs(steps_, kLongestRun)) {
+      core::throw_if_interrupted();
+      try {
+        take(run, first);
+      } catch (const core::DeviceError& error) {
+        core::warn(std::string(error.what()) + "; the steps it cost are taken again");
+        pass_.forget_cameras();
+        loaded_ = false;
+        if (++failures >= pass_.options().attempts) break;
+      }
+      first += run.steps.size();
+    }
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) keep(c, witnesses_[c].rest());
+  }
+
+ private:
+  void load() {
+    if (loaded_) return;
+    std::vector<std::vector<LightLevel>> patterns;
+    for (const db::Step* step : steps_) patterns.push_back(pass_.levels_of(*step));
+    player_.load(patterns);
+    loaded_ = true;
+  }
+
+  void take(const Run& run, std::size_t first) {
+    const Reference& reference = references_.at(run.exposure);
+    std::vector<TriggeredMatcher> matchers;
+    core::Nanoseconds pace = 0;
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
+      CameraFeed& feed = pass_.feeds()[c];
+      feed.set_exposing(Exposing::kTriggered);
+      feed.set_exposure(run.exposure);
+      pass_.report().discarded += feed.flush(pass_.now());
+      matchers.emplace_back(reference.cameras[c].latency);
+      // A camera whose trigger comes a little too soon misses it. Exposures nearer than the uncertainty of their stamps
+      // could not be told apart.
+      pace = std::max({pace, feed.frame_period() + feed.frame_period() / 50 + core::kMillisecond / 2,
+                       reference.cameras[c].latency.range() + reference.longest_trigger});
+    }
+    load();
+    player_.arm(first, hold(reference));
+    settle_from(pass_.now());
+    for (std::size_t i = 0; i < run.steps.size(); ++i) {
+      // Interrupted: what was exposed is kept, then the caller stops.
+      if (core::interrupt_requested() && i > 0) break;
+      pass_.begin_try(*run.steps[i]);
+      const core::Nanoseconds called = pass_.now();
+      pass_.rig().trigger->fire();
+      const core::Nanoseconds returned = pass_.now();
+      for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, returned);
+      const std::optional<core::Nanoseconds> lit =
+          player_.wait_for_pattern(first + i + 1, returned + run.exposure + hold(reference) + kStrobeDelay);
+      // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
+      if (!lit) {
+        core::note(describe(*run.steps[i]) + ": the controller heard no strobe; it and what follows are taken again");
+        break;
+      }
+      fetch(matchers);
+      settle_from(*lit);
+      pass_.rig().clock.sleep_until(called + pace);
+    }
+    wait_for_frames(matchers, run.exposure);
+    for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c]);
+  }
+
+  // The last camera is triggered so much after the first, and may be a little slower to begin.
+  core::Nanoseconds hold(const Reference& reference) const { return reference.longest_trigger + pass_.sequence().hold; }
+
+  void settle_from(core::Nanoseconds lit) { pass_.rig().clock.sleep_until(lit + pass_.sequence().settle); }
+
+  // What has come by now.
+  void fetch(std::vector<TriggeredMatcher>& matchers) {
+    for (std::size_t c = 0; c < matchers.size(); ++c) {
+      while (std::optional<CameraFrame> frame = pass_.feeds()[c].next(pass_.now())) matchers[c].add(std::move(*frame));
+    }
+  }
+
+  void wait_for_frames(std::vector<TriggeredMatcher>& matchers, core::Nanoseconds exposure) {
+    const core::Nanoseconds deadline = pass_.now() + exposure + pass_.options().frame_timeout;
+    for (std::size_t c = 0; c < matchers.size(); ++c) {
+      while (matchers[c].outstanding() > 0) {
+        std::optional<CameraFrame> frame = pass_.feeds()[c].next(deadline);
+        if (!frame) break;
+        matchers[c].add(std::move(*frame));
+      }
+    }
+  }
+
+  void close(std::size_t camera, TriggeredMatcher& matcher) {
+    pass_.report().dropped += matcher.outstanding();
+    const std::size_t arrived = matcher.arrived();
+    std::vector<MatchedFrame> matched = matcher.close();
+    pass_.report().discarded += arrived - matched.size();
+    Witness::Verdict verdict = witnesses_[camera].hear(std::move(matched), pass_.sequence().steps);
+    pass_.report().discarded += verdict.refused;
+    keep(camera, std::move(verdict.admitted));
+  }
+
+  void keep(std::size_t camera, std::vector<MatchedFrame> frames) {
+    for (MatchedFrame& frame : frames) {
+      pass_.keep(pass_.step(frame.step), pass_.feeds()[camera], std::move(frame.frame));
+    }
+  }
+
+  Pass& pass_;
+  PatternPlayer& player_;
+  std::vector<const db::Step*> steps_;
+  std::map<core::Nanoseconds, Reference> references_;  // by exposure
+  std::vector<Witness> witnesses_;                     // by camera
+  bool loaded_ = false;
+};
+
+}  // namespace
+
+void run_pipelined(Pass& pass) {
+  PatternPlayer* player = pass.rig().lights.player();
+  if (!player) {
+    throw core::UsageError(
+        "timing pipelined needs LED controllers that hold a sequence; take lockstep, or free_run with cameras that run "
+        "free");
+  }
+  if (!pass.unfinished().empty()) PipelinedPass(pass, *player).run();
+}
+
+}  // namespace lightstage::capture

@@ -1,0 +1,36 @@
+// Frames whose brightness is known, as evidence that none before them was given to the wrong step.
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "capture/session/latency.h"
+
+namespace lightstage::capture {
+
+// One camera's frames on their way from the matcher to the store. Dark, full-on and tracking frames must be as bright as those
+// measured before the pass; a matcher that slipped by one step gives such a step its neighbour's frame. The frames since the
+// last witness wait for the next one, and are refused with it.
+class Witness {
+ public:
+  explicit Witness(const CameraReference& reference) : reference_(reference) {}
+
+  struct Verdict {
+    std::vector<MatchedFrame> admitted;
+    std::size_t refused = 0;
+  };
+  // Matched frames, in the order in which they were taken, with their steps' kinds.
+  Verdict hear(std::vector<MatchedFrame> frames, const std::vector<db::Step>& steps);
+  // At the end, what still waits.
+  std::vector<MatchedFrame> rest();
+
+ private:
+  // Whether the frame is what its step must look like; true for steps of which that is not known.
+  bool plausible(const MatchedFrame& frame, db::StepKind kind) const;
+
+  CameraReference reference_;
+  std::vector<MatchedFrame> waiting_;
+  std::size_t waiting_bytes_ = 0;
+};
+
+}  // namespace lightstage::capture
