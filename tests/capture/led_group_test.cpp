@@ -48,7 +48,7 @@ class Member final : public capture::LedController, public capture::PatternPlaye
     check();
     told_.loaded.assign(patterns.begin(), patterns.end());
   }
-  void arm(std::size_t first) override {
+  void arm(std::size_t first, core::Nanoseconds) override {
     check();
     told_.armed = first;
   }
@@ -155,7 +155,7 @@ TEST_CASE("a group plays sequences when all its members do", "[led_group]") {
   for (std::size_t i = 0; i < patterns.size(); ++i) {
     REQUIRE(bench.together([i](const Told& t) { return t.loaded.at(i); }) == patterns[i]);
   }
-  player->arm(7);
+  player->arm(7, 0);
   for (const Told& told : bench.told) CHECK(told.armed == 7u);
 
   CHECK_FALSE(player->wait_for_pattern(1, 0));
@@ -166,6 +166,6 @@ TEST_CASE("a group plays sequences when all its members do", "[led_group]") {
   CHECK(player->wait_for_pattern(1, 0) == 12);
 
   bench.told[2].broken = true;
-  CHECK_THROWS_WITH(player->arm(3), "c is gone");
+  CHECK_THROWS_WITH(player->arm(3, 0), "c is gone");
   CHECK(bench.told[0].armed == 3u);
 }
