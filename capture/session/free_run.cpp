@@ -104,6 +104,7 @@ class FreePass {
       const core::Nanoseconds off = pass_.now();
       for (FreeRunMatcher& matcher : matchers) matcher.lit(step->step_index, lit, off - run.exposure);
     }
+    pass_.check_lights();
     fetch_until(&matchers, pass_.now() + latest + period);
     for (std::size_t c = 0; c < matchers.size(); ++c) close(run, c, matchers[c], witnesses[c]);
   }

@@ -92,6 +92,7 @@ class PipelinedPass {
       pass_.rig().clock.sleep_until(called + pace);
     }
     wait_for_frames(matchers, run.exposure);
+    pass_.check_lights();
     for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c]);
   }
 
