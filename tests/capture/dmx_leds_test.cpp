@@ -1,7 +1,9 @@
 #include "capture/usb/dmx_leds.h"
 
 #include <catch2/catch.hpp>
-#include <random>
+#include <map>
+#include <memory>
+#include <utility>
 
 #include "core/error.h"
 
