@@ -248,13 +248,14 @@ struct SimulatedRig::Impl : capture::Trigger {
     }
   }
 
-  void fire() override {
+  core::Nanoseconds fire() override {
     core::Nanoseconds oldest = clock.now();
     for (const auto& camera : cameras) oldest = std::min(oldest, camera->oldest_pending());
     lights.catch_up();
     lights.leds().forget_before(oldest);
     for (const auto& camera : cameras) camera->trigger(exposures);
     ++exposures;
+    return clock.now();
   }
 
   core::Clock& clock;

@@ -77,11 +77,10 @@ class PipelinedPass {
       if (core::interrupt_requested() && i > 0) break;
       pass_.begin_try(*run.steps[i]);
       const core::Nanoseconds called = pass_.now();
-      pass_.rig().trigger->fire();
-      const core::Nanoseconds returned = pass_.now();
-      for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, returned);
+      const core::Nanoseconds triggered = pass_.rig().trigger->fire();
+      for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, triggered);
       const std::optional<core::Nanoseconds> lit =
-          player_.wait_for_pattern(first + i + 1, returned + run.exposure + hold(reference) + kStrobeDelay);
+          player_.wait_for_pattern(first + i + 1, pass_.now() + run.exposure + hold(reference) + kStrobeDelay);
       // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
       if (!lit) {
         core::note(describe(*run.steps[i]) + ": the controller heard no strobe; it and what follows are taken again");
