@@ -85,8 +85,10 @@ void DmxWidget::take_messages() {
     const bool complete = received_.size() >= kFrameBytes + length;
     if (length <= kMostData && !complete) return;
     if (length <= kMostData && received_[kFrameBytes - 1 + length] == kMessageEnd) {
-      handle(received_[1], ByteView(received_).subspan(4, length));
-      received_.erase(received_.begin(), received_.begin() + static_cast<std::ptrdiff_t>(kFrameBytes + length));
+      const auto end = received_.begin() + static_cast<std::ptrdiff_t>(kFrameBytes + length);
+      const Bytes message(received_.begin(), end);
+      received_.erase(received_.begin(), end);
+      handle(message[1], ByteView(message).subspan(4, length));
     } else {
       received_.erase(received_.begin());  // no message began here
     }

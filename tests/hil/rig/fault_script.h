@@ -13,7 +13,7 @@ namespace lightstage::hil {
 // A line is an action, done at once, or `at EVENT NUMBER ACTION`: when the event happens for that time since the scenario
 // began (counted from 1). Events:
 //   exposure  began: for actions on a frame that of the camera which they name, for others that of camera 0
-//   show      a new set of lights was sent to the LED controller or to the DMX widget
+//   show      new levels were sent to the DMX widget
 //   request   a message was sent to the LED controller; it is not answered before the action is done
 //   write     a GPIO line was written
 // Actions on the frame of one exposure (at exposure ...) are kept here; all others are passed on:

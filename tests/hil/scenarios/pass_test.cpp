@@ -26,6 +26,17 @@ TEST_CASE("a pass over 100 lights in lockstep", "[rig][pass]") {
   run_pass("lockstep", make_rig_stage(), capture::Timing::kLockstep);
 }
 
+TEST_CASE("a pass over 100 lights, pipelined", "[rig][pass]") {
+  run_pass("pipelined", make_rig_stage(), capture::Timing::kPipelined);
+}
+
+TEST_CASE("a pass over 100 lights with cameras that run free", "[rig][pass]") {
+  EmulatedRig& rig = EmulatedRig::instance();
+  for (const char* camera : {"cam0", "cam1"}) rig.command(std::string("free ") + camera);
+  run_pass("free_run", make_rig_stage({.free_running = true}), capture::Timing::kFreeRun);
+  for (const char* camera : {"cam0", "cam1"}) rig.command(std::string("triggered ") + camera);
+}
+
 TEST_CASE("a pass with one trigger line for all cameras", "[rig][pass]") {
   run_pass("common_trigger", make_rig_stage({.lights = 20, .small_frames = true, .common_trigger = true}),
            capture::Timing::kLockstep);

@@ -54,6 +54,7 @@ Vivid::Vivid(int index) : index_(index) {
   }
   // Left alone the driver stamps frames with a time that is still to come.
   set("Timestamp Source", 1);
+  choose("OSD Text Mode", "None");
 }
 
 void Vivid::set(const std::string& control, int value) {

@@ -100,7 +100,7 @@ TEST_CASE("vivid: injected faults are reported, and the camera comes back", "[vi
   }
   CHECK(damaged);
 
-  for (const char* fault : {"Fatal Streaming Error", "Disconnect"}) {
+  for (const char* fault : {"Inject Fatal Streaming Error", "Disconnect"}) {
     INFO(fault);
     vivid.driver.set(fault, 1);
     const auto until_it_fails = [&] {
