@@ -11,6 +11,8 @@ namespace lightstage::capture {
 namespace {
 
 constexpr std::size_t kLeastLights = 16, kLeastDark = 2;
+// Neighbours predict sound pictures to 0.1 to 0.4 (150 lights, 40 lights).
+constexpr double kNoOrder = 0.65;
 // A light whose own place was found to be shown by another one: weaker evidence of where it is itself will do.
 constexpr double kClosingRatio = 1.2;
 // Of weak lights: see the header.
@@ -36,7 +38,8 @@ class Check {
   explicit Check(const PictureSpace& space) : space_(space), judge_(space) {}
 
   LightCheckReport run() {
-    find_misplaced_and_double();
+    if (judge_.median_misfit() > kNoOrder) return nothing_fits();
+    if (!find_misplaced_and_double()) return nothing_fits();
     close_chains();
     find_dead();
     name_misplaced();
@@ -58,17 +61,28 @@ class Check {
     if (trouble == LightTrouble::kSwapped) named_.insert(others.begin(), others.end());
   }
 
-  void find_misplaced_and_double() {
+  void add_instead(std::size_t light, std::size_t other, double ratio) {
+    add(LightTrouble::kDouble, light, {other},
+        " is not lit, its output lights " + name(other) + " instead, which has an output of its own (fits " +
+            number(ratio) + " times better so)");
+  }
+
+  LightCheckReport nothing_fits() const {
+    LightCheckReport report;
+    report.too_little =
+        "too many pictures do not fit in with their neighbours': the stage file's positions may be another stage's, "
+        "whole "
+        "boards may be exchanged, or the subject has moved";
+    for (std::size_t i = 0; i < space_.light_count(); ++i) report.unjudged.push_back(static_cast<int>(i));
+    return report;
+  }
+
+  // False where so many lights are suspect that there is nothing left to judge them by.
+  bool find_misplaced_and_double() {
     std::size_t suspects = 0;
     while (const std::optional<Judge::Suspicion> found = judge_.plainest()) {
       const auto [kind, light, other, ratio, score] = *found;
-      if (++suspects > space_.light_count() / 4) {
-        report_.too_little =
-            "more than a quarter of the lights do not fit in with their neighbours: the positions in the stage file "
-            "may "
-            "be those of another stage, whole boards may be exchanged, or the subject has moved";
-        return;
-      }
+      if (++suspects > space_.light_count() / 4) return false;
       const std::string times = " (fits " + number(ratio) + " times better so)";
       switch (kind) {
         case Judge::Kind::kPair:
@@ -85,8 +99,7 @@ class Check {
             add(LightTrouble::kDouble, other, {light}, " lights " + name(light) + " too" + times);
             judge_.distrust(other);
           } else {
-            add(LightTrouble::kDouble, light, {other},
-                " is not lit, its output lights " + name(other) + " instead, which has an output of its own" + times);
+            add_instead(light, other, ratio);
           }
           break;
         case Judge::Kind::kBoth:
@@ -95,6 +108,7 @@ class Check {
       }
       judge_.distrust(light);
     }
+    return true;
   }
 
   // A place that another light shows: what is seen there instead?
@@ -163,6 +177,11 @@ class Check {
     }
     for (const auto& [light, shown] : shows_) {
       if (named_.contains(light)) continue;
+      // Its light was found in its own place: then that LED is lit by both outputs.
+      if (judge_.trusted()[shown.first] && !judge_.silent(shown.first)) {
+        add_instead(light, shown.first, shown.second);
+        continue;
+      }
       add(LightTrouble::kSwapped, light, {shown.first},
           " shows the place of " + name(shown.first) + " (fits " + number(shown.second) + " times better there)");
     }
@@ -189,7 +208,7 @@ class Check {
       for (const auto& [light, level] : all) {
         const double misfit = judge_.misfit(light, light);
         const double excess = -level / (kLevelDeviations * spread + kLevelPerMisfit * misfit);
-        if (misfit < kRightShape && level < std::log(kMostOfWeak) && excess > most) {
+        if (judge_.expected_bright(light) && misfit < kRightShape && level < std::log(kMostOfWeak) && excess > most) {
           most = excess;
           weakest = light;
         }

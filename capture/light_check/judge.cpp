@@ -6,11 +6,13 @@ namespace {
 
 // Ratios of misfits from which on a picture counts as another light's. On simulated stages without fault (a head and a ball, 40 to
 // 150 lights, one camera and two) pairs reach 1.5 and sums 1.6, both at grazing light.
-constexpr double kPairRatio = 1.8, kAloneRatio = 2, kSameRatio = 2.5, kDoubleRatio = 1.75;
+constexpr double kPairRatio = 1.8, kAloneRatio = 2, kSameRatio = 3.5, kDoubleRatio = 1.75;
 // Each light of a pair must fit better in the other's place, if only a little.
 constexpr double kLeastOfPair = 1.1;
 // And in no other place so much better.
 constexpr double kMutual = 1.5;
+// A picture is taken for a sum where that explains it so much better than a single place.
+constexpr double kSimpler = 1.2;
 // And worse in its own than neighbours do in theirs: at grazing light nothing fits.
 constexpr double kUnusual = 1.15;
 // Pictures of one light at different times differ by so much, as the subject moves.
@@ -84,6 +86,21 @@ const Judge::Prediction& Judge::prediction(std::size_t place, std::size_t withou
   return places_[place].all;
 }
 
+double Judge::median_misfit() const {
+  std::vector<double> misfits;
+  for (std::size_t light = 0; light < space_.light_count(); ++light) {
+    if (judged(light)) misfits.push_back(misfit(light, light));
+  }
+  if (misfits.empty()) return 0;
+  const auto middle = misfits.begin() + std::ssize(misfits) / 2;
+  std::nth_element(misfits.begin(), middle, misfits.end());
+  return *middle;
+}
+
+bool Judge::judged(std::size_t light) const {
+  return trusted_[light] && !silent(light) && !places_[light].all.sum.terms.empty();
+}
+
 bool Judge::silent(std::size_t light) const {
   return space_.norm(light) <= kSilent * space_.largest_dark_norm();
 }
@@ -122,10 +139,17 @@ void Judge::weigh(std::size_t light, std::size_t other, Suspicion& best) const {
     const double score = std::log(std::max(ratio, 1e-9)) / std::log(bound);
     if (score > best.score) best = {kind, light, other, ratio, score};
   };
-  const double there = misfit(light, other);
-  offer(Kind::kElsewhere, own / there, kAloneRatio, unusual);
-  if (!trusted_[other] || silent(other)) return;
-  const double own_of_other = misfit(other, other);
+  const double there = misfit(light, other), own_of_other = misfit(other, other);
+  const bool comparable = trusted_[other] && !silent(other);
+  const double same = comparable ? own / misfit_to_picture(light, other) : 0;
+  if (same > kSameRatio) {
+    // At fault is the one that fits worse in its own place. Scored as kElsewhere is, with which it competes.
+    if (own_of_other < own) offer(Kind::kSame, same, kAloneRatio, unusual);
+    return;
+  }
+  const bool predictable = places_[light].usual < kPredictable;
+  if (predictable) offer(Kind::kElsewhere, own / there, kAloneRatio, unusual);
+  if (!comparable) return;
   if (other < light) {
     const double first = misfit(light, prediction(light, other)) / there;
     const double second = misfit(other, prediction(other, light)) / misfit(other, light);
@@ -135,18 +159,15 @@ void Judge::weigh(std::size_t light, std::size_t other, Suspicion& best) const {
             std::sqrt(unusual * own_of_other / places_[other].usual));
     }
   }
-  // At fault is the one that fits worse in its own place.
-  const double same = own / misfit_to_picture(light, other);
-  if (own_of_other < own) offer(Kind::kSame, same, kSameRatio, unusual);
-  if (same < kSameRatio) {
-    offer(Kind::kBoth, misfit_with(light, space_.light_count()) / misfit_with(light, other), kDoubleRatio, unusual);
+  if (!predictable) return;
+  // The sum must explain the picture better than any single place does.
+  const double left = misfit_with(light, other);
+  if (left * places_[light].all.norm * kSimpler < own / best_gains_[light] * space_.norm(light)) {
+    offer(Kind::kBoth, misfit_with(light, space_.light_count()) / left, kDoubleRatio, unusual);
   }
 }
 
 std::optional<Judge::Suspicion> Judge::plainest() {
-  const auto judged = [&](std::size_t light) {
-    return trusted_[light] && !silent(light) && !places_[light].all.sum.terms.empty();
-  };
   best_gains_.assign(space_.light_count(), 0);
   for (std::size_t light = 0; light < space_.light_count(); ++light) {
     if (judged(light)) best_gains_[light] = best_place(light).ratio;
@@ -183,11 +204,15 @@ bool Judge::shows_both_places(std::size_t light, std::size_t a, std::size_t b) c
 
 bool Judge::missing(std::size_t light) const {
   const Place& place = places_[light];
-  if (!silent(light) || place.usual > kPredictable) return false;
+  if (!silent(light) || !expected_bright(light)) return false;
   const std::vector<Combination::Term>& around = place.all.sum.terms;
   const auto heard = std::count_if(around.begin(), around.end(), [&](const auto& term) { return !silent(term.light); });
-  return place.all.norm > std::max(kSeen * space_.largest_dark_norm(), kBright * median_norm_) &&
-         2 * heard > std::ssize(around);
+  return 2 * heard > std::ssize(around);
+}
+
+bool Judge::expected_bright(std::size_t light) const {
+  return places_[light].usual < kPredictable &&
+         places_[light].all.norm > std::max(kSeen * space_.largest_dark_norm(), kBright * median_norm_);
 }
 
 }  // namespace lightstage::capture

@@ -13,6 +13,8 @@ class Judge {
  public:
   explicit Judge(const PictureSpace& space);
 
+  // How well neighbours predict in general: of the lights that can be compared, 0 where there are none.
+  double median_misfit() const;
   // A picture like the dark ones.
   bool silent(std::size_t light) const;
   const std::vector<bool>& trusted() const { return trusted_; }
@@ -40,6 +42,8 @@ class Judge {
   // Whether the picture is the sum of what is predicted for both places rather than either one.
   bool shows_both_places(std::size_t light, std::size_t a, std::size_t b) const;
 
+  // Whether neighbours agree on light that stands out of the noise and of what little reaches the subject's dark side.
+  bool expected_bright(std::size_t light) const;
   // A light that nobody sees although its neighbours say that it should be seen.
   bool missing(std::size_t light) const;
 
@@ -54,6 +58,7 @@ class Judge {
     double usual = 1;  // misfit around: the median of the neighbours', each predicted without this light
   };
 
+  bool judged(std::size_t light) const;
   void predict_all();
   Prediction predicted(std::size_t place, std::size_t without) const;
   const Prediction& prediction(std::size_t place, std::size_t without) const;

@@ -28,7 +28,7 @@ class PictureSpace {
   double angle(std::size_t a, std::size_t b) const { return core::angle_radians(directions_[a], directions_[b]); }
   bool has_picture(std::size_t light) const { return has_picture_[light]; }
 
-  // Root mean square of the dark pictures' norms, in which norms are given here, and the largest of them.
+  // Of the dark pictures: up to which a norm is noise.
   double largest_dark_norm() const { return largest_dark_norm_; }
 
   double inner(std::size_t a, std::size_t b) const { return gram_[a * light_count() + b]; }

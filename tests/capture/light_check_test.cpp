@@ -6,6 +6,7 @@
 #include <random>
 #include <set>
 
+#include "capture/light_check/picture_space.h"
 #include "capture/stage.h"
 #include "core/direction.h"
 #include "core/error.h"
@@ -165,7 +166,7 @@ TEST_CASE("a sound stage has no finding", "[light_check]") {
 
 TEST_CASE("dead, swapped and double lights of a miswired rig are named, all at once", "[light_check]") {
   const auto [subject, lights] = GENERATE(table<sim::SubjectKind, std::size_t>(
-      {{sim::SubjectKind::kProceduralHead, 90}, {sim::SubjectKind::kGreyBall, 60}}));
+      {{sim::SubjectKind::kProceduralHead, 120}, {sim::SubjectKind::kGreyBall, 90}}));
   StageSpec spec;
   spec.subject = subject;
   spec.lights = lights;
@@ -177,11 +178,12 @@ TEST_CASE("dead, swapped and double lights of a miswired rig are named, all at o
     const core::Direction d = core::Direction::from_vector(positions[static_cast<std::size_t>(i)]);
     const bool apart = std::all_of(chosen.begin(), chosen.end(), [&](int other) {
       return core::angle_radians(d, core::Direction::from_vector(positions[static_cast<std::size_t>(other)])) >
-             core::radians_from_degrees(25);
+             core::radians_from_degrees(24);
     });
-    if (d.z() > 0.1 && d.y() > -0.5 && apart) chosen.push_back(i);
+    if (d.z() > 0 && d.y() > -0.6 && apart) chosen.push_back(i);
   }
   REQUIRE(chosen.size() >= 10);
+  std::shuffle(chosen.begin(), chosen.end(), std::mt19937_64(2));  // those that change places lie far apart
   const auto& c = chosen;
   spec.dead = {c[0]};
   const std::map<int, std::vector<int>> wires{
@@ -193,11 +195,11 @@ TEST_CASE("dead, swapped and double lights of a miswired rig are named, all at o
   const LightCheckReport report = take(spec, wires).check();
   CAPTURE(lines(report));
   CHECK(names(report, LightTrouble::kDead, c[0]));
-  CHECK(names(report, LightTrouble::kSwapped, c[1], {c[2]}));
-  CHECK(names(report, LightTrouble::kSwapped, c[3], {c[4], c[5]}));
+  CHECK(names(report, LightTrouble::kSwapped, std::min(c[1], c[2]), {std::max(c[1], c[2])}));
+  CHECK(is_named(report, "three in a round", c[3], c[4], c[5]));
   CHECK(names(report, LightTrouble::kDouble, c[6], {c[7]}));
   CHECK(names(report, LightTrouble::kDouble, c[8], {c[9]}));
-  CHECK(report.findings.size() == 5);
+  REQUIRE(report.findings.size() == 5);
   const auto text_of = [&](int light) {
     return std::find_if(report.findings.begin(), report.findings.end(),
                         [&](const LightFinding& f) { return f.light == light; })
@@ -207,8 +209,9 @@ TEST_CASE("dead, swapped and double lights of a miswired rig are named, all at o
              Catch::Matches("light " + std::to_string(c[0]) +
                             " is dead \\(or lit all the time\\): changes the picture by [0-9.e-]+ where its "
                             "neighbours predict 0\\.0[0-9]+"));
-  CHECK_THAT(text_of(c[1]),
-             Catch::Contains("light " + std::to_string(c[1]) + " and light " + std::to_string(c[2]) + " are swapped"));
+  const auto [first, second] = std::minmax(c[1], c[2]);
+  CHECK_THAT(text_of(first), Catch::Contains("light " + std::to_string(first) + " and light " + std::to_string(second) +
+                                             " are swapped"));
 }
 
 TEST_CASE("how many faults of each kind are named", "[light_check]") {
@@ -251,7 +254,9 @@ TEST_CASE("how many faults of each kind are named", "[light_check]") {
         count.noticed += report.findings.empty() ? 0 : 1;
         count.named += is_named(report, fault, static_cast<int>(i), static_cast<int>(j), static_cast<int>(k)) ? 1 : 0;
         const std::set<int> concerned{static_cast<int>(i), static_cast<int>(j), static_cast<int>(k)};
-        for (const LightFinding& finding : report.findings) others_named += concerned.contains(finding.light) ? 0 : 1;
+        for (const LightFinding& finding : report.findings) {
+          others_named += concerned.contains(finding.light) ? 0 : 1;
+        }
       }
     }
   }
@@ -263,6 +268,21 @@ TEST_CASE("how many faults of each kind are named", "[light_check]") {
         count.named, count.noticed, count.all);
   }
   std::printf("light check: lights named that have no fault: %d in %d checks\n", others_named, checks);
+  // At most as many of those without fault near one with fault at grazing light; without any fault it is none (above).
+  CHECK(others_named <= checks / 40);
+  const auto share = [&](const std::string& fault, int how_far) { return counts.at({fault, how_far}).share(); };
+  // Measured: 0.92, 0.81, 0.93, 0.93, 0.72, 0.81, 0.94, 0.97, 0.88, 0.77. What is missed lies at grazing light or behind the
+  // subject, where no camera sees enough of it.
+  CHECK(share("dead", 2) > 0.82);
+  CHECK(share("weak, 30 %", 2) > 0.7);
+  CHECK(share("two swapped", 1) > 0.8);
+  CHECK(share("two swapped", 2) > 0.8);
+  CHECK(share("three in a round", 2) > 0.6);
+  CHECK(share("lights another too", 2) > 0.65);
+  CHECK(share("lights another too", 1) > 0.8);
+  CHECK(share("lights another instead", 2) > 0.85);
+  CHECK(share("lights another instead", 1) > 0.75);
+  CHECK(share("both light both", 2) > 0.6);
 }
 
 TEST_CASE("weak evidence is said to be none", "[light_check]") {
@@ -284,13 +304,13 @@ TEST_CASE("weak evidence is said to be none", "[light_check]") {
   // Positions of another stage: nothing fits.
   Taken shuffled = sound;
   std::shuffle(shuffled.positions.begin(), shuffled.positions.end(), std::mt19937_64(1));
-  CHECK_THAT(shuffled.check().too_little, Catch::Contains("more than a quarter"));
+  CHECK_THAT(shuffled.check().too_little, Catch::Contains("do not fit in with their neighbours"));
 
   Taken missing = sound;
   missing.cameras[0].of_light[3] = {};
-  CHECK(missing.check().findings.empty());
-  CHECK(missing.check().unjudged.front() <= 3);
-  CHECK(std::count(missing.check().unjudged.begin(), missing.check().unjudged.end(), 3) == 1);
+  const LightCheckReport without_one = missing.check();
+  CHECK(without_one.findings.empty());
+  CHECK(std::count(without_one.unjudged.begin(), without_one.unjudged.end(), 3) == 1);
 
   // A room without any light: nothing is seen, nothing is missed.
   Taken black = sound;
@@ -343,4 +363,46 @@ TEST_CASE("the check's sequence shoots every light once, dark frames among them"
   capture::Sequence no_dark = sequence;
   std::erase_if(no_dark.steps, [](const db::Step& step) { return step.kind == db::StepKind::kDark; });
   CHECK_THROWS_AS(capture::take_light_pictures(no_dark, rig.rig()), core::UsageError);
+}
+
+TEST_CASE("what all lights show alike is predicted exactly, and inner products are those of the pixels",
+          "[light_check]") {
+  const std::vector<core::Direction> directions = core::fibonacci_directions(30);
+  CameraPictures camera;
+  std::mt19937 random(3);
+  std::normal_distribution<float> noise;
+  for (std::size_t i = 0; i < directions.size(); ++i) {
+    core::Image picture(2, 3, 1);
+    for (float& v : picture.values()) v = 5 + noise(random);
+    camera.of_light.push_back(picture);
+  }
+  // Each pixel has the same mean over the lights, so that all weigh alike.
+  for (std::size_t p = 0; p < 6; ++p) {
+    float sum = 0;
+    for (const core::Image& picture : camera.of_light) sum += picture.values()[p];
+    for (core::Image& picture : camera.of_light) picture.values()[p] *= 150 / sum;
+  }
+  camera.dark.assign(2, core::Image(2, 3, 1));
+  const capture::PictureSpace space(directions, std::vector{camera});
+  const auto slow = [&](std::size_t a, std::size_t b) {
+    double sum = 0;
+    for (std::size_t p = 0; p < 6; ++p) {
+      sum += static_cast<double>(camera.of_light[a].values()[p]) * static_cast<double>(camera.of_light[b].values()[p]);
+    }
+    return sum / (5 + 0.3 * 5);
+  };
+  for (std::size_t a = 0; a < directions.size(); ++a) {
+    CHECK(space.inner(a, (a + 7) % 30) == Approx(slow(a, (a + 7) % 30)).epsilon(1e-5));
+    const capture::Combination prediction = space.predict(a, std::vector<bool>(30, true), (a + 1) % 30);
+    double sum = 0, with_first = 0;
+    for (const capture::Combination::Term& term : prediction.terms) {
+      CHECK(term.light != a);
+      CHECK(term.light != (a + 1) % 30);
+      sum += term.weight;
+      with_first += term.weight * slow(term.light, 0);
+    }
+    CHECK(prediction.terms.size() == 6);
+    CHECK(sum == Approx(1));
+    CHECK(space.inner(prediction, 0) == Approx(with_first).epsilon(1e-5));
+  }
 }

@@ -339,18 +339,17 @@ TEST_CASE("nobody listening costs a pass nothing", "[preview]") {
   };
   const SteadyClock::time_point begin = SteadyClock::now();
   CHECK(capture::dry_run(sequence, fake.rig(), session).stored == 2 * sequence.steps.size());
-  CHECK(SteadyClock::now() - begin < 1s);
+  CHECK(SteadyClock::now() - begin < 3s);
 }
 
 TEST_CASE("a viewer that accepts and never reads slows nothing and is given up", "[preview]") {
   core::set_quiet(true);
-  FakeViewer viewer;  // the system accepts for it
-  PreviewOptions options;
-  options.tev_address = viewer.address();
+  FakeViewer viewer;                                  // the system accepts for it
   const CameraFrame large = frame_of(1024, 1024, 3);  // more than loopback's buffers hold
-  const SteadyClock::time_point begin = SteadyClock::now();
-  SteadyClock::duration longest{};
-  {
+  const auto longest_call = [&](const std::string& address) {
+    PreviewOptions options;
+    options.tev_address = address;
+    SteadyClock::duration longest{};
     Preview preview(options);
     for (int i = 0; i < 20; ++i) {
       const SteadyClock::time_point before = SteadyClock::now();
@@ -358,10 +357,13 @@ TEST_CASE("a viewer that accepts and never reads slows nothing and is given up",
       longest = std::max(longest, SteadyClock::now() - before);
       std::this_thread::sleep_for(20ms);
     }
-  }
+    return longest;
+  };
+  const SteadyClock::duration alone = longest_call("");
+  const SteadyClock::time_point begin = SteadyClock::now();
   // A stalled send takes 300 ms; a call that waited for it would show.
-  CHECK(longest < 250ms);
-  CHECK(SteadyClock::now() - begin < 3s);
+  CHECK(longest_call(viewer.address()) < 2 * alone + 250ms);
+  CHECK(SteadyClock::now() - begin < 20 * (2 * alone + 20ms) + 3s);
 }
 
 TEST_CASE("a viewer that goes away is found again, and is sent whole images anew", "[preview]") {
