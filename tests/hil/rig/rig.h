@@ -35,6 +35,7 @@ class Rig {
   //   what FaultScript understands, with these actions (DEVICE: led, dmx, gpio, camN):
   //     plug DEVICE
   //     unplug DEVICE [MILLISECONDS]   and back again after so long
+  //     cut led MILLISECONDS           the same in the middle of the next transfer to it
   //     renumber gpio MILLISECONDS     the same, and comes back under another number
   //     mute led TRANSFERS, stall led TRANSFERS
   //     refuse gpio REQUESTS, ignore gpio REQUESTS
