@@ -84,7 +84,8 @@ class Camera {
 class Trigger {
  public:
   virtual ~Trigger() = default;
-  virtual void fire() = 0;
+  // Returns a time by which every camera had been triggered; the pulse is over when this returns, which may be later.
+  virtual core::Nanoseconds fire() = 0;
 };
 
 // Hears a camera's strobe output: proof that an exposure happened, before its frame has travelled.

@@ -4,10 +4,12 @@
 #include <set>
 #include <utility>
 
+#include "capture/led_protocol.h"
 #include "capture/stage.h"
 #include "capture/toml/hardware.h"
 #include "capture/toml/number.h"
 #include "capture/toml/text.h"
+#include "capture/v4l2/pixel_format.h"
 #include "core/text.h"
 
 namespace lightstage::capture {
@@ -176,17 +178,11 @@ std::vector<LightWiring> read_wiring(const core::TomlTable& stage, const std::ve
 
 std::string read_pixel_format(const core::TomlTable& table, const std::string& default_format) {
   if (!table.has("pixel_format")) return default_format;
-  const std::string format(core::trim(table.string("pixel_format")));
-  const std::string_view code = std::string_view(format).substr(0, format.size() - (format.ends_with("-BE") ? 3 : 0));
-  if (format == "MJPG" || format == "JPEG") {
-    table.fail("pixel_format",
-               "is a lossy one, whose values cannot be measured with: choose one of `lightstage doctor`");
-  }
-  const auto printable = [](char c) { return c > ' ' && c <= '~'; };
-  if (code.size() < 3 || code.size() > 4 || !std::all_of(code.begin(), code.end(), printable)) {
-    table.fail("pixel_format", "must be the driver's four characters, such as GREY, Y10, Y16, RGGB or YUYV");
-  }
-  return format;
+  const std::optional<std::uint32_t> fourcc = parse_fourcc(table.string("pixel_format"));
+  if (!fourcc) table.fail("pixel_format", "must be the driver's four characters, such as GREY, Y10, Y16, RGGB or YUYV");
+  const std::string refused = refusal(*fourcc);
+  if (!refused.empty()) table.fail("pixel_format", "cannot be measured in: " + refused);
+  return fourcc_text(*fourcc);
 }
 
 std::vector<double> read_linearisation(const core::TomlTable& table, const std::vector<double>& default_value) {

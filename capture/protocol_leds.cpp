@@ -395,7 +395,7 @@ void ProtocolLeds::arm(std::size_t first, core::Nanoseconds delay) {
   if (!impl_->loaded && impl_->pattern_count > 0) impl_->upload();
   impl_->armed = false;
   const Ack ack = impl_->obeyed(Arm{static_cast<std::uint32_t>(first), StepSource::kStrobe, StrobeEdge::kFalling,
-                                      static_cast<std::uint16_t>(units)});
+                                    static_cast<std::uint16_t>(units)});
   // Events that came before the answer belong to what was armed before.
   impl_->reached.clear();
   impl_->armed = true;

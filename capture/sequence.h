@@ -39,6 +39,8 @@ struct Sequence {
   std::vector<db::Step> steps;                        // step_index is the place in this list
   core::Nanoseconds settle = 2 * core::kMillisecond;  // from switching lights to the start of the exposure
   Timing timing = Timing::kLockstep;
+  // Pipelined: lights outlast the first camera's exposure by so much, for the others, which begin a little later.
+  core::Nanoseconds hold = core::kMillisecond / 2;
 };
 
 struct OlatOptions {

@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kLongestExposureMs = 3600e3;
 constexpr double kLongestSettleMs = 60e3;
+constexpr double kLongestHoldMs = 500;
 constexpr std::size_t kMaxSteps = 1'000'000;
 
 // Nanoseconds survive the trip through decimal milliseconds: below 2^52 ns the rounding of both conversions
@@ -125,6 +126,9 @@ Sequence read_table(const core::TomlTable& table, std::size_t light_count) {
   if (settle_ms < 0 || settle_ms > kLongestSettleMs) table.fail("settle_ms", "must be 0 to 60000 (one minute)");
   sequence.settle = nanoseconds(settle_ms);
   sequence.timing = read_timing(table);
+  const double hold_ms = table.number("hold_ms", milliseconds(sequence.hold));
+  if (hold_ms < 0 || hold_ms > kLongestHoldMs) table.fail("hold_ms", "must be 0 to 500");
+  sequence.hold = nanoseconds(hold_ms);
   for (const core::TomlTable& entry : table.tables("step")) read_steps(entry, light_count, sequence.steps);
   table.finish();
   if (sequence.steps.empty()) table.fail("step", "is missing: a sequence needs at least one [[step]]");
@@ -140,6 +144,7 @@ std::string to_toml(const Sequence& sequence) {
       "# light (light = INDEX, or lights = [FIRST, LAST] one after another), pattern (a [[step.level]] for "
       "each light).\n";
   text += "settle_ms = " + toml_number(milliseconds(sequence.settle)) + "\n";
+  text += "hold_ms = " + toml_number(milliseconds(sequence.hold)) + "\n";
   text += "timing = \"" + std::string(to_string(sequence.timing)) + "\"\n";
   for (std::size_t i = 0; i < sequence.steps.size(); ++i) {
     const db::Step& step = sequence.steps[i];

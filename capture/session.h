@@ -38,6 +38,7 @@ struct SessionReport {
   // when another one's was retaken. Of cameras that run free, only those refused for their brightness.
   std::size_t discarded = 0;
   core::Nanoseconds duration = 0;
+  core::Nanoseconds preparation = 0;  // of that, for measuring the cameras' time stamps (fast modes)
 };
 
 // Takes every frame of `scan` that the store does not hold yet, in the sequence's timing mode. A frame is stored only when

@@ -69,7 +69,7 @@ Stage stage_from_lp(const std::filesystem::path& lp, const LayoutOptions& option
 // TOML, with everything in it; reading what was written gives the same stage bit for bit. Angles in degrees,
 // lengths in metres. Reading throws BadInput with file and line: for a missing or misspelt key, a value out
 // of range, camera axes that are not orthonormal, two cameras of one name, a light at the centre, a dead
-// light that the stage does not have. Writing throws BadInput for names that would not read back.
+// light that the stage does not have, hardware that could not work on any machine (docs/hardware.md). Writing throws BadInput for names that would not read back.
 Stage read_stage(const std::filesystem::path& path);
 Stage parse_stage(std::string_view toml, const std::string& source_name);
 std::string to_toml(const Stage& stage);

@@ -1,3 +1,4 @@
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -6,7 +7,9 @@
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/options.h"
 #include "model/engine_bench.h"
+#include "sim/timing_bench.h"
 
 namespace lightstage::cli {
 
@@ -15,6 +18,13 @@ namespace {
 struct Options {
   int size = 1024;
   std::string preset = "paper";
+};
+
+struct CaptureOptions {
+  int lights = 100;
+  int cameras = 2;
+  double exposure_ms = 8, settle_ms = 2, command_ms = 1, transfer_ms = 20, jitter_ms = 2, camera_fps = 60;
+  double loss_percent = 0;
 };
 
 nlohmann::ordered_json or_null(const std::optional<double>& value) {
@@ -65,10 +75,93 @@ void run_bench_model(const Options& options, Context& context) {
                         {"straightforward_train_steps_per_s", bench.straightforward_train_steps_per_s}});
 }
 
+core::Nanoseconds nanoseconds(double milliseconds) {
+  return core::Nanoseconds(std::llround(milliseconds * 1e6));
+}
+
+void run_bench_capture(const CaptureOptions& options, Context& context) {
+  sim::TimingBenchOptions bench;
+  bench.lights = options.lights;
+  bench.cameras = options.cameras;
+  bench.exposure = nanoseconds(options.exposure_ms);
+  bench.settle = nanoseconds(options.settle_ms);
+  bench.times = {.command = nanoseconds(options.command_ms),
+                 .transfer = nanoseconds(options.transfer_ms),
+                 .transfer_jitter = nanoseconds(options.jitter_ms),
+                 .shortest_period = nanoseconds(1000 / options.camera_fps),
+                 .stamped_on_arrival = true};
+  bench.drop_probability = options.loss_percent / 100;
+  const std::vector<sim::TimingRow> rows = sim::bench_timing(bench);
+
+  std::vector<std::vector<std::string>> cells{
+      {"timing", "steps/s", "to lockstep", "preparation s", "pass s", "retaken", "wrong", "lights left on"}};
+  nlohmann::ordered_json modes = nlohmann::ordered_json::array();
+  for (const sim::TimingRow& row : rows) {
+    const double preparation_s = double(row.report.preparation) / core::kSecond;
+    const double duration_s = double(row.report.duration) / core::kSecond;
+    const double ratio = row.steps_per_s / rows.front().steps_per_s;
+    cells.push_back({std::string(to_string(row.timing)), fixed(row.steps_per_s, 1), fixed(ratio, 2),
+                     fixed(preparation_s, 2), fixed(duration_s, 2), std::to_string(row.report.retaken),
+                     std::to_string(row.wrong), row.lights_left ? "yes" : "no"});
+    modes.push_back({{"timing", to_string(row.timing)},
+                     {"steps_per_s", row.steps_per_s},
+                     {"ratio_to_lockstep", ratio},
+                     {"preparation_s", preparation_s},
+                     {"pass_s", duration_s},
+                     {"steps", row.report.steps},
+                     {"frames", row.report.stored},
+                     {"retaken", row.report.retaken},
+                     {"dropped", row.report.dropped},
+                     {"discarded", row.report.discarded},
+                     {"wrong", row.wrong},
+                     {"lights_left_on", row.lights_left}});
+  }
+  context.result(table(cells), {{"lights", options.lights},
+                                {"cameras", options.cameras},
+                                {"exposure_ms", options.exposure_ms},
+                                {"settle_ms", options.settle_ms},
+                                {"command_ms", options.command_ms},
+                                {"transfer_ms", options.transfer_ms},
+                                {"transfer_jitter_ms", options.jitter_ms},
+                                {"camera_fps", options.camera_fps},
+                                {"loss_percent", options.loss_percent},
+                                {"modes", modes}});
+}
+
+void add_bench_capture(CLI::App& bench, Context& context) {
+  const auto options = std::make_shared<CaptureOptions>();
+  CLI::App* command = bench.add_subcommand(
+      "capture", "The timing modes of capture on simulated devices: steps a second, frames taken again, wrong ones");
+  command->fallthrough();
+  const auto milliseconds = [&](const char* name, double& value, const char* help) {
+    command->add_option(name, value, help)->capture_default_str()->check(number_between(0.0, 10000.0));
+  };
+  command->add_option("--lights", options->lights, "Lights of the stage")
+      ->capture_default_str()
+      ->check(CLI::Range(8, 4096));
+  command->add_option("--cameras", options->cameras, "Cameras")->capture_default_str()->check(CLI::Range(1, 12));
+  command->add_option("--exposure", options->exposure_ms, "Exposure of the single lights, milliseconds")
+      ->capture_default_str()
+      ->check(number_between(0.1, 10000.0));
+  milliseconds("--settle", options->settle_ms, "From switching lights to the exposure, milliseconds");
+  milliseconds("--command", options->command_ms, "A controller's answer takes so long, milliseconds");
+  milliseconds("--transfer", options->transfer_ms, "From the end of an exposure to its frame, milliseconds");
+  milliseconds("--jitter", options->jitter_ms, "Up to so much longer, milliseconds");
+  command->add_option("--fps", options->camera_fps, "Pictures a second that a camera can take")
+      ->capture_default_str()
+      ->check(number_between(0.1, 10000.0));
+  command->add_option("--loss", options->loss_percent, "Frames that never arrive, percent")
+      ->capture_default_str()
+      ->check(number_between(0.0, 20.0));
+  command->footer("Example:\n  lightstage bench capture --loss 1 --json");
+  command->callback([options, &context] { run_bench_capture(*options, context); });
+}
+
 }  // namespace
 
 void add_bench(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand("bench", "Measure the speed of this machine at the program's heavy work");
+  CLI::App* command =
+      program.add_subcommand("bench", "Measure the network's engine on this machine, or the timing modes of capture");
   command->require_subcommand(1);
   command->footer("Example:\n  lightstage bench model --size 512");
   const auto options = std::make_shared<Options>();
@@ -84,6 +177,7 @@ void add_bench(CLI::App& program, Context& context) {
       ->capture_default_str();
   network->footer("Example:\n  lightstage bench model --size 1024 --json");
   network->callback([options, &context] { run_bench_model(*options, context); });
+  add_bench_capture(*command, context);
 }
 
 }  // namespace lightstage::cli

@@ -8,162 +8,160 @@
 #include "capture/preview.h"
 #include "capture/session.h"
 #include "cli/commands.h"
+#include "cli/format.h"
+#include "cli/jobs/capture_plan.h"
 #include "cli/jobs/mask.h"
-#include "cli/jobs/provenance.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/progress.h"
-#include "db/content_hash.h"
 #include "sim/rig.h"
 
 namespace lightstage::cli {
 
 namespace {
 
+using nlohmann::ordered_json;
+
 struct Options {
   std::string name;
-  bool simulate = false;
+  CaptureRequest request;
   bool resume = false;
-  std::filesystem::path stage_file;
-  std::filesystem::path sequence_file;
-  std::optional<std::uint64_t> procedural_seed;
-  std::filesystem::path mesh;
-  bool mirror_ball = false, grey_ball = false, chessboard = false;
-  double ball_radius_mm = 60;
-  double yaw_degrees = 0;
-  int size = 0;
-  bool no_noise = false, no_motion = false;
-  bool bounce = false;
-  std::uint64_t seed = 1;
-  int tracking_every = 10;
-  std::optional<double> exposure_ms;
-  std::vector<int> drop;
-  std::optional<capture::Timing> timing;
-  std::optional<double> settle_ms;
   bool dry_run = false;
-  bool check_lights = false, skip_light_check = false;
+  std::optional<bool> light_check;
   std::filesystem::path preview;
   int preview_every = 10;
-  bool tev = false;
-  std::string tev_address = "127.0.0.1:14158";
+  std::string tev;
 };
 
-db::ScanKind scan_kind(sim::SubjectKind subject) {
-  switch (subject) {
-    case sim::SubjectKind::kMirrorBall:
-      return db::ScanKind::kMirrorBall;
-    case sim::SubjectKind::kGreyBall:
-      return db::ScanKind::kGreyBall;
-    case sim::SubjectKind::kChessboard:
-      return db::ScanKind::kChessboard;
-    default:
-      return db::ScanKind::kOlat;
-  }
-}
+// Steps of a dry run: enough for rates and rare troubles to show.
+constexpr std::size_t kDryRunSteps = 60;
 
-sim::SubjectSpec subject(const Options& options) {
-  const int chosen = int(options.procedural_seed.has_value()) + int(!options.mesh.empty()) + int(options.mirror_ball) +
-                     int(options.grey_ball) + int(options.chessboard);
-  if (chosen != 1) {
-    throw core::UsageError(
-        "a simulated capture needs one subject: --procedural SEED, --mesh FILE, --mirror-ball, "
-        "--grey-ball or --chessboard");
-  }
-  sim::SubjectSpec spec;
-  spec.seed = options.procedural_seed.value_or(options.seed);
-  spec.yaw_degrees = options.yaw_degrees;
-  if (!options.mesh.empty()) {
-    spec.kind = sim::SubjectKind::kMesh;
-    if (!std::filesystem::is_regular_file(options.mesh)) {
-      throw core::BadInput(options.mesh.string() + ": no such mesh file");
+// The devices of a pass, real or simulated, with the clock that they live by.
+class Devices {
+ public:
+  // `begin`: when a simulated pass goes on.
+  Devices(const CaptureProvenance& provenance, core::Nanoseconds begin) {
+    if (provenance.simulation) {
+      virtual_clock_.sleep_until(begin);
+      world_.emplace(*provenance.simulation);
+      simulated_.emplace(*world_, virtual_clock_);
+    } else {
+      hardware_.emplace(provenance.stage, system_clock_,
+                        capture::HardwareOptions{.program = std::filesystem::read_symlink("/proc/self/exe")});
     }
-    spec.mesh_path = std::filesystem::canonical(options.mesh).string();
-    spec.mesh_hash = db::hash_file(spec.mesh_path).hex();
   }
-  if (options.mirror_ball) spec.kind = sim::SubjectKind::kMirrorBall;
-  if (options.grey_ball) spec.kind = sim::SubjectKind::kGreyBall;
-  if (options.chessboard) spec.kind = sim::SubjectKind::kChessboard;
-  if (options.mirror_ball || options.grey_ball) spec.size_m = options.ball_radius_mm / 1000;
-  return spec;
+  capture::Rig rig() { return simulated_ ? simulated_->rig() : hardware_->rig(); }
+
+ private:
+  core::VirtualClock virtual_clock_;
+  core::SystemClock system_clock_;
+  std::optional<sim::World> world_;
+  std::optional<sim::SimulatedRig> simulated_;
+  std::optional<capture::HardwareRig> hardware_;
+};
+
+// Lights in order, as many as a dry run takes; tracking and dark frames between them stay.
+capture::Sequence beginning(capture::Sequence sequence) {
+  if (sequence.steps.size() > kDryRunSteps) sequence.steps.resize(kDryRunSteps);
+  return sequence;
 }
 
-// The same optics on a sensor of another resolution.
-void resize(core::CameraModel& camera, int size) {
-  const double scale = double(size) / camera.width;
-  camera.cx = (camera.cx + 0.5) * scale - 0.5;  // pixel centres are at integers
-  camera.cy = (camera.cy + 0.5) * scale - 0.5;
-  camera.fx *= scale;
-  camera.fy *= scale;
-  camera.height = int(std::lround(camera.height * scale));
-  camera.width = size;
-}
-
-core::Nanoseconds nanoseconds(double milliseconds) {
-  return core::Nanoseconds(std::llround(milliseconds * 1e6));
-}
-
-CaptureProvenance plan(const Options& options) {
-  if (options.stage_file.empty())
-    throw core::UsageError("--stage FILE is needed (make one: lightstage stage --out stage.toml)");
-  sim::Simulation simulation;
-  simulation.subject = subject(options);
-  simulation.stage = capture::read_stage(options.stage_file);
-  if (options.size > 0) {
-    for (capture::StageCamera& camera : simulation.stage.cameras) resize(camera.model, options.size);
-  }
-  simulation.seed = options.seed;
-  simulation.indirect_bounce = options.bounce;
-  simulation.faults.drop_exposures = options.drop;
-  if (options.no_noise) simulation.sensor.noise = false;
-  if (options.no_motion) simulation.motion = {.amplitude_m = 0, .rotation_degrees = 0};
-
-  CaptureProvenance provenance;
-  provenance.stage = simulation.stage;
-  const std::size_t lights = simulation.stage.light_positions.size();
-  if (options.sequence_file.empty()) {
-    capture::OlatOptions olat;
-    olat.light_count = lights;
-    olat.tracking_every = scan_kind(simulation.subject.kind) == db::ScanKind::kOlat ? options.tracking_every : 0;
-    if (options.mirror_ball) {
-      // A mirror shows the LEDs themselves, thousands of times brighter than a lit face; and around them, in the full-on frame that its
-      // outline is found in, only the dim surroundings.
-      olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
-      olat.exposure = 10'000;
+void dry_run(const Options& options, Context& context) {
+  const CaptureProvenance provenance = plan_capture(options.request);
+  Devices devices(provenance, 0);
+  capture::Sequence sequence = beginning(provenance.sequence);
+  std::vector<std::vector<std::string>> rows{
+      {"timing", "steps/s", "preparation s", "frames", "retaken", "dropped", "discarded", "safe at this rate"}};
+  ordered_json modes = ordered_json::array();
+  std::string remarks;
+  for (const capture::Timing timing :
+       {capture::Timing::kLockstep, capture::Timing::kPipelined, capture::Timing::kFreeRun}) {
+    if (options.request.timing && *options.request.timing != timing) continue;
+    sequence.timing = timing;
+    const std::string name(to_string(timing));
+    try {
+      const capture::SessionReport report = capture::dry_run(sequence, devices.rig());
+      const double preparation_s = double(report.preparation) / core::kSecond;
+      const double steps_per_s = double(report.steps) * core::kSecond /
+                                 double(std::max<core::Nanoseconds>(1, report.duration - report.preparation));
+      // A rate at which frames had to be taken again is one at which they are lost.
+      const bool safe = report.retaken == 0;
+      rows.push_back({name, fixed(steps_per_s, 1), fixed(preparation_s, 2), std::to_string(report.stored),
+                      std::to_string(report.retaken), std::to_string(report.dropped), std::to_string(report.discarded),
+                      safe ? "yes" : "no"});
+      modes.push_back({{"timing", name},
+                       {"steps_per_s", steps_per_s},
+                       {"preparation_s", preparation_s},
+                       {"frames", report.stored},
+                       {"retaken", report.retaken},
+                       {"dropped", report.dropped},
+                       {"discarded", report.discarded},
+                       {"safe", safe}});
+    } catch (const core::UsageError& error) {  // the rig cannot do this mode
+      remarks += name + ": " + error.what() + "\n";
+      modes.push_back({{"timing", name}, {"problem", error.what()}});
+    } catch (const core::DeviceError& error) {
+      remarks += name + ": " + error.what() + "\n";
+      modes.push_back({{"timing", name}, {"problem", error.what()}});
     }
-    if (options.exposure_ms) olat.exposure = nanoseconds(*options.exposure_ms);
-    provenance.sequence = capture::make_olat_sequence(olat);
-  } else {
-    provenance.sequence = capture::read_sequence(options.sequence_file, lights);
   }
-  provenance.simulation = std::move(simulation);
-  return provenance;
+  if (rows.size() == 1) throw core::DeviceError("no timing mode works: " + remarks);
+  context.result(table(rows) + remarks, {{"steps", sequence.steps.size()}, {"modes", modes}});
 }
 
-db::Scan begin_scan(db::Store& store, const Options& options) {
-  const CaptureProvenance provenance = plan(options);
-  db::NewScan scan;
-  scan.name = options.name;
-  scan.kind = scan_kind(provenance.simulation->subject.kind);
-  scan.stage_key = capture::stage_key(provenance.stage);
-  scan.provenance = to_json(provenance);
-  for (const capture::StageCamera& camera : provenance.stage.cameras) scan.cameras.push_back(camera.name);
-  scan.steps = provenance.sequence.steps;
-  return store.scan(store.add_scan(scan));
+// Throws DeviceError where a light is not as it should be.
+void check_lights(const CaptureProvenance& provenance, const capture::Rig& rig, core::Nanoseconds exposure) {
+  const capture::Sequence sequence =
+      capture::make_light_check_sequence(provenance.stage.light_positions.size(), exposure);
+  const capture::LightCheckReport report =
+      capture::check_lights(provenance.stage.light_positions, capture::take_light_pictures(sequence, rig));
+  if (report.findings.empty()) {
+    core::note("light check: " + std::to_string(provenance.stage.light_positions.size()) +
+               " lights are as they should be" + (report.remark.empty() ? "" : " (" + report.remark + ")"));
+    return;
+  }
+  std::string text;
+  for (const capture::LightFinding& finding : report.findings) text += (text.empty() ? "" : "; ") + finding.text;
+  throw core::DeviceError("light check: " + text + "; mend it, or go on with --no-light-check");
+}
+
+core::Nanoseconds exposure_of_lights(const capture::Sequence& sequence) {
+  const auto light = std::find_if(sequence.steps.begin(), sequence.steps.end(),
+                                  [](const db::Step& step) { return step.kind == db::StepKind::kLight; });
+  return light == sequence.steps.end() ? sequence.steps.front().exposure_ns : light->exposure_ns;
 }
 
 void capture_scan(const Options& options, Context& context) {
-  if (!options.resume && !options.simulate) {
-    throw core::UsageError("this version drives simulated stages only: add --sim");
+  if (options.name.empty()) throw core::UsageError("--name NAME is needed: what the scan shall be called");
+  std::optional<capture::Preview> preview;
+  if (!options.preview.empty() || !options.tev.empty()) {
+    preview.emplace(
+        capture::PreviewOptions{.every = options.preview_every, .still = options.preview, .tev_address = options.tev});
   }
   db::Store store = context.open_store();
-  const db::Scan scan = options.resume ? store.scan(options.name) : begin_scan(store, options);
-  const CaptureProvenance provenance = capture_provenance(scan);
+  std::optional<CaptureProvenance> planned;
+  if (!options.resume) planned = plan_capture(options.request);
+  if (planned && store.find_scan(options.name)) {
+    throw core::UsageError("scan '" + options.name + "' exists; take another --name, or go on with --resume");
+  }
+  if (!planned) planned = capture_provenance(store.scan(options.name));
+  const CaptureProvenance& provenance = *planned;
+  // Opened before the scan is begun: a device that is missing leaves no empty scan behind.
+  Devices devices(provenance, options.resume ? capture::end_of_last_exposure(store, store.scan(options.name))
+                                             : core::Nanoseconds{0});
+  if (options.light_check.value_or(!provenance.simulation && !options.resume)) {
+    check_lights(provenance, devices.rig(), exposure_of_lights(provenance.sequence));
+  }
+  const db::Scan scan =
+      options.resume ? store.scan(options.name) : begin_scan(store, options.name, options.request, provenance);
 
-  const sim::World world(*provenance.simulation);
-  core::VirtualClock clock;
-  clock.sleep_until(capture::end_of_last_exposure(store, scan));  // a resumed pass goes on where the motion was
-  sim::SimulatedRig rig(world, clock);
-  const capture::SessionReport report = run_session(store, scan, provenance.sequence, rig.rig());
+  capture::SessionOptions session;
+  if (preview) {
+    session.on_frame = [&](const db::Step&, const std::string& camera, const capture::CameraFrame& frame) {
+      preview->show(camera, frame);
+    };
+  }
+  const capture::SessionReport report = run_session(store, scan, provenance.sequence, devices.rig(), session);
   if (scan.kind == db::ScanKind::kOlat && !store.newest_product("mask", scan.id)) store_subject_masks(store, scan);
 
   const std::size_t frames = report.already_stored + report.stored;
@@ -173,6 +171,7 @@ void capture_scan(const Options& options, Context& context) {
   text += "; " + std::to_string(report.dropped) + " dropped, " + std::to_string(report.discarded) + " discarded, " +
           std::to_string(report.retaken) + " retaken\n";
   context.result(text, {{"scan", scan.name},
+                        {"timing", to_string(provenance.sequence.timing)},
                         {"steps", report.steps},
                         {"frames", frames},
                         {"already_stored", report.already_stored},
@@ -183,47 +182,92 @@ void capture_scan(const Options& options, Context& context) {
                         {"stage_seconds", double(report.duration) / core::kSecond}});
 }
 
+void add_simulation_options(CLI::App& command, CLI::Option* sim, CaptureRequest& request) {
+  const auto simulated = [sim](CLI::Option* option) {
+    return option->needs(sim)->group("Simulated stage (with --sim)");
+  };
+  sim->group("Simulated stage (with --sim)");
+  simulated(command.add_option("--procedural", request.procedural_seed, "Subject: a procedural head, by seed"));
+  simulated(command.add_option("--mesh", request.mesh, "Subject: a mesh file (PLY, OBJ, glTF)"));
+  simulated(command.add_option("--ball-radius", request.ball_radius_mm, "Radius of the ball, millimetres"))
+      ->capture_default_str()
+      ->check(number_between(5.0, 500.0));
+  simulated(command.add_option("--yaw", request.yaw_degrees, "Turn the subject, degrees"))->capture_default_str();
+  simulated(command.add_option("--size", request.size, "Picture width and height, pixels [the stage file's]"))
+      ->check(CLI::Range(16, 16384));
+  simulated(command.add_flag("--no-noise", request.no_noise, "A sensor without noise and quantisation"));
+  simulated(command.add_flag("--no-motion", request.no_motion, "A subject that stands still"));
+  simulated(command.add_flag("--bounce", request.bounce, "One bounce of indirect light"));
+  simulated(command.add_option("--seed", request.seed, "Seed of noise, motion and faults"))
+      ->capture_default_str()
+      ->check(CLI::NonNegativeNumber);
+  simulated(
+      command.add_option("--drop", request.drop, "Lose the frame of the n-th exposure (from 0), to see it retaken"));
+}
+
 }  // namespace
 
 void add_capture(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("capture", "Run a light sequence and store every frame");
   command->footer(
+      "Ctrl-C stops between frames with the lights off; what was stored stays, and --resume goes on.\n"
       "Examples:\n"
+      "  lightstage capture --stage stage.toml --dry-run        (how fast the devices go, in each timing mode)\n"
+      "  lightstage capture --stage stage.toml --name head --preview live.png\n"
+      "  lightstage capture --stage stage.toml --mirror-ball --name ball\n"
       "  lightstage capture --sim --procedural 7 --stage stage.toml --size 256 --name head\n"
-      "  lightstage capture --sim --mesh head.ply --stage stage.toml --name scan1 --no-noise --no-motion\n"
-      "  lightstage capture --resume --name head        (after an interruption)");
+      "  lightstage capture --resume --name head                (after an interruption)");
   auto options = std::make_shared<Options>();
-  command->add_option("--name", options->name, "Name of the scan")->required();
-  command->add_flag("--sim", options->simulate, "Capture on the simulated stage");
-  command->add_option("--stage", options->stage_file, "Stage file (see `lightstage stage`)");
-  command->add_option("--sequence", options->sequence_file, "Sequence file; default: every light once");
-  command->add_option("--procedural", options->procedural_seed, "Subject: a procedural head, by seed");
-  command->add_option("--mesh", options->mesh, "Subject: a mesh file (PLY, OBJ, glTF)");
-  command->add_flag("--mirror-ball", options->mirror_ball, "Subject: a mirror ball, for `calibrate`");
-  command->add_flag("--grey-ball", options->grey_ball, "Subject: a grey ball, for `calibrate --grey`");
-  command->add_flag("--chessboard", options->chessboard, "Subject: a chessboard");
-  command->add_option("--ball-radius", options->ball_radius_mm, "Radius of the ball, millimetres")
-      ->capture_default_str()
-      ->check(number_between(5.0, 500.0));
-  command->add_option("--yaw", options->yaw_degrees, "Turn the subject, degrees")->capture_default_str();
-  command->add_option("--size", options->size, "Picture width and height, pixels [the stage file's]")
-      ->check(CLI::Range(16, 16384));
-  command->add_option("--tracking-every", options->tracking_every, "A tracking frame before every n-th light; 0: none")
+  CaptureRequest& request = options->request;
+  command->add_option("--name", options->name, "Name of the scan");
+  command->add_option("--stage", request.stage_file, "Stage file (lightstage stage; its devices: docs/hardware.md)");
+  command->add_option("--sequence", request.sequence_file, "Sequence file; default: every light once");
+  command->add_flag("--mirror-ball", request.mirror_ball, "On the stage stands a mirror ball, for `calibrate`");
+  command->add_flag("--grey-ball", request.grey_ball, "On the stage stands a grey ball, for `calibrate --grey`");
+  command->add_flag("--chessboard", request.chessboard, "On the stage stands a chessboard");
+  command->add_option("--tracking-every", request.tracking_every, "A tracking frame before every n-th light; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0, 100000));
   command
-      ->add_option("--exposure", options->exposure_ms,
-                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01]")
+      ->add_option("--exposure", request.exposure_ms,
+                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]")
       ->check(number_between(0.0001, 10000.0));
-  command->add_flag("--no-noise", options->no_noise, "A sensor without noise and quantisation");
-  command->add_flag("--no-motion", options->no_motion, "A subject that stands still");
-  command->add_flag("--bounce", options->bounce, "One bounce of indirect light");
-  command->add_option("--seed", options->seed, "Seed of noise, motion and faults")
+  const std::map<std::string, capture::Timing> timings{{"lockstep", capture::Timing::kLockstep},
+                                                       {"pipelined", capture::Timing::kPipelined},
+                                                       {"free_run", capture::Timing::kFreeRun}};
+  command
+      ->add_option("--timing", request.timing,
+                   "lockstep, pipelined or free_run, instead of the sequence file's (docs/hardware.md)")
+      ->transform(CLI::CheckedTransformer(timings).description(""));
+  command
+      ->add_option("--settle", request.settle_ms,
+                   "From switching lights to the exposure, milliseconds [2, or the sequence file's]")
+      ->check(number_between(0.0, 60000.0));
+  command->add_flag("--dry-run", options->dry_run,
+                    "Store nothing: try the first 60 steps in every timing mode and say how fast it goes safely");
+  command->add_flag("--light-check,!--no-light-check", options->light_check,
+                    "Look for dead, swapped and double lights first [on real stages]");
+  command->add_option("--preview", options->preview, "Write a still of a running pass to this picture file");
+  command->add_option("--preview-every", options->preview_every, "A preview of every n-th frame")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
-  command->add_option("--drop", options->drop, "Lose the frame of the n-th exposure (from 0), to see it retaken");
-  command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name");
-  command->callback([options, &context] { capture_scan(*options, context); });
+      ->check(CLI::Range(1, 100000));
+  command->add_flag("--tev{127.0.0.1:14158}", options->tev,
+                    "Show previews in the tev viewer that listens here, or at --tev=HOST:PORT");
+  CLI::Option* resume =
+      command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name, as it was begun");
+  CLI::Option* sim = command->add_flag("--sim", request.simulate, "Capture on the simulated stage");
+  add_simulation_options(*command, sim, request);
+  for (const char* other : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
+                            "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
+    resume->excludes(command->get_option(other));
+  }
+  command->callback([options, &context] {
+    if (options->dry_run) {
+      dry_run(*options, context);
+    } else {
+      capture_scan(*options, context);
+    }
+  });
 }
 
 }  // namespace lightstage::cli

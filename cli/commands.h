@@ -12,6 +12,7 @@ namespace lightstage::cli {
 void add_init(CLI::App& program, Context& context);
 void add_stage(CLI::App& program, Context& context);
 void add_capture(CLI::App& program, Context& context);
+void add_lights_off(CLI::App& program, Context& context);
 void add_calibrate(CLI::App& program, Context& context);
 void add_align(CLI::App& program, Context& context);
 void add_import(CLI::App& program, Context& context);

@@ -80,6 +80,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_init(program, context);
   add_stage(program, context);
   add_capture(program, context);
+  add_lights_off(program, context);
   add_calibrate(program, context);
   add_align(program, context);
   add_import(program, context);

@@ -2,6 +2,7 @@
 
 #include <deque>
 #include <limits>
+#include <mutex>
 
 #include "capture/protocol_leds.h"
 #include "core/error.h"
@@ -152,7 +153,8 @@ class SimulatedCamera : public capture::Camera {
     return pending_.empty() ? std::numeric_limits<core::Nanoseconds>::max() : pending_.front().start;
   }
 
-  const std::vector<capture::LightLevel>& light_in_frame(std::int64_t sequence_number) const {
+  std::vector<capture::LightLevel> light_in_frame(std::int64_t sequence_number) const {
+    const std::lock_guard lock(light_in_frame_mutex_);
     return light_in_frame_.at(sequence_number);
   }
 
@@ -202,7 +204,10 @@ class SimulatedCamera : public capture::Camera {
   capture::CameraFrame deliver(const Pending& pending) {
     std::vector<capture::LightLevel> levels = lights_.leds().mean_levels(pending.start, pending.end());
     const core::Image radiance = world_.render(camera_.model, levels, pending.start + pending.exposure / 2);
-    light_in_frame_[pending.sequence_number] = std::move(levels);
+    {
+      const std::lock_guard lock(light_in_frame_mutex_);
+      light_in_frame_[pending.sequence_number] = std::move(levels);
+    }
     capture::CameraFrame frame;
     frame.image = sense(radiance, world_.simulation().sensor, camera_.responsivity, pending.exposure,
                         seed_for(kSensor, pending.start));
@@ -227,6 +232,7 @@ class SimulatedCamera : public capture::Camera {
   bool free_ = false;
   int free_exposures_ = 0;
   std::int64_t sequence_number_ = 0;
+  mutable std::mutex light_in_frame_mutex_;  // asked for on the thread that keeps frames
   std::map<std::int64_t, std::vector<capture::LightLevel>> light_in_frame_;
   std::deque<Pending> pending_;
 };
@@ -242,13 +248,14 @@ struct SimulatedRig::Impl : capture::Trigger {
     }
   }
 
-  void fire() override {
+  core::Nanoseconds fire() override {
     core::Nanoseconds oldest = clock.now();
     for (const auto& camera : cameras) oldest = std::min(oldest, camera->oldest_pending());
     lights.catch_up();
     lights.leds().forget_before(oldest);
     for (const auto& camera : cameras) camera->trigger(exposures);
     ++exposures;
+    return clock.now();
   }
 
   core::Clock& clock;
@@ -274,8 +281,8 @@ int SimulatedRig::exposures() const {
   return impl_->exposures;
 }
 
-const std::vector<capture::LightLevel>& SimulatedRig::light_in_frame(std::size_t camera_index,
-                                                                     std::int64_t sequence_number) const {
+std::vector<capture::LightLevel> SimulatedRig::light_in_frame(std::size_t camera_index,
+                                                              std::int64_t sequence_number) const {
   return impl_->cameras.at(camera_index)->light_in_frame(sequence_number);
 }
 

@@ -52,7 +52,8 @@ class SimulatedRig {
   int exposures() const;
   // The truth about a frame that was delivered: the mean levels of the lights during its exposure, of those that gave any.
   // Throws std::out_of_range for a frame that was not.
-  const std::vector<capture::LightLevel>& light_in_frame(std::size_t camera_index, std::int64_t sequence_number) const;
+  // May be called from any thread.
+  std::vector<capture::LightLevel> light_in_frame(std::size_t camera_index, std::int64_t sequence_number) const;
 
  private:
   struct Impl;

@@ -40,10 +40,10 @@ GpioTrigger::~GpioTrigger() {
   let_go();
 }
 
-void GpioTrigger::fire() {
+core::Nanoseconds GpioTrigger::fire() {
   if (lines_ == nullptr) reopen(clock_, [this] { open(); });
   try {
-    pulse();
+    return pulse();
   } catch (...) {
     let_go();
     throw;
@@ -87,11 +87,11 @@ void GpioTrigger::try_reading() {
                         : std::string(": the chip does not tell the level of outputs: pulses are not checked")));
 }
 
-void GpioTrigger::pulse() {
+core::Nanoseconds GpioTrigger::pulse() {
   const core::Nanoseconds begin = clock_.now();
   lines_->set(true);
-  const core::Nanoseconds end = clock_.now() + pulse_;
-  if (clock_.now() - begin > kMute) {
+  const core::Nanoseconds set = clock_.now(), end = set + pulse_;
+  if (set - begin > kMute) {
     throw core::DeviceError(describe(request_) + ": the chip does not answer: plug it in again");
   }
   const std::string dead = reads_in_pulse_ ? lines_against(true) : "";
@@ -102,7 +102,7 @@ void GpioTrigger::pulse() {
   }
   lines_->set(false);
   const std::string stuck = can_read_ ? lines_against(false) : "";
-  if (dead.empty() && stuck.empty()) return;
+  if (dead.empty() && stuck.empty()) return set;
   throw core::DeviceError(describe(request_) + ": " +
                           (dead.empty() ? stuck + " stays active after the pulse" : dead + " does not become active") +
                           ", though the chip took the order: look for a short, or a chip that loses orders");

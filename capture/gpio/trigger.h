@@ -18,11 +18,12 @@ class GpioTrigger final : public Trigger {
   GpioTrigger(const GpioTrigger&) = delete;
   GpioTrigger& operator=(const GpioTrigger&) = delete;
 
-  void fire() override;
+  core::Nanoseconds fire() override;
 
  private:
   void open();
-  void pulse();
+  // Returns when the lines had been set.
+  core::Nanoseconds pulse();
   // Says what the lines can be checked for; throws when one of them is active.
   void try_reading();
   // The lines that do not read as `active`, as text; empty when all do.

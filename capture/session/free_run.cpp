@@ -55,7 +55,11 @@ class FreePass {
   }
 
   void prepare(core::Nanoseconds exposure) {
-    if (!references_.contains(exposure)) references_.emplace(exposure, measure_free_running(pass_, exposure));
+    if (!references_.contains(exposure)) {
+      const core::Nanoseconds begin = pass_.now();
+      references_.emplace(exposure, measure_free_running(pass_, exposure));
+      pass_.report().preparation += pass_.now() - begin;
+    }
     for (CameraFeed& feed : pass_.feeds()) {
       feed.set_exposing(Exposing::kFreeRunning);
       feed.set_exposure(exposure);
@@ -100,6 +104,7 @@ class FreePass {
       const core::Nanoseconds off = pass_.now();
       for (FreeRunMatcher& matcher : matchers) matcher.lit(step->step_index, lit, off - run.exposure);
     }
+    pass_.check_lights();
     fetch_until(&matchers, pass_.now() + latest + period);
     for (std::size_t c = 0; c < matchers.size(); ++c) close(run, c, matchers[c], witnesses[c]);
   }

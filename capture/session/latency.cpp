@@ -119,7 +119,7 @@ double mean_value(const core::Image& image) {
 
 Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
   struct Seen {
-    std::vector<core::Nanoseconds> after_call, after_return;
+    std::vector<core::Nanoseconds> after_call, after_trigger;
     Brightness sum;
     int dark = 0, full = 0;
     std::size_t bytes = 0;
@@ -137,14 +137,13 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
       feed.flush(pass.now());
     }
     const core::Nanoseconds called = pass.now();
-    pass.rig().trigger->fire();
-    const core::Nanoseconds returned = pass.now();
-    reference.longest_trigger = std::max(reference.longest_trigger, returned - called);
+    const core::Nanoseconds triggered = pass.rig().trigger->fire();
+    reference.longest_trigger = std::max(reference.longest_trigger, triggered - called);
     for (std::size_t c = 0; c < feeds.size(); ++c) {
       const auto result = feeds[c].receive(called, called + exposure + pass.options().frame_timeout);
       if (!result.frame) continue;
       seen[c].after_call.push_back(result.frame->timestamp - called);
-      seen[c].after_return.push_back(result.frame->timestamp - returned);
+      seen[c].after_trigger.push_back(result.frame->timestamp - triggered);
       (lit ? seen[c].sum.full : seen[c].sum.dark) += mean_value(result.frame->image);
       ++(lit ? seen[c].full : seen[c].dark);
       seen[c].bytes = result.frame->image.values().size_bytes();
@@ -156,7 +155,7 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
                          std::to_string(seen[c].after_call.size()) + " came");
     }
     CameraReference camera;
-    camera.latency = {*std::min_element(seen[c].after_return.begin(), seen[c].after_return.end()),
+    camera.latency = {*std::min_element(seen[c].after_trigger.begin(), seen[c].after_trigger.end()),
                       *std::max_element(seen[c].after_call.begin(), seen[c].after_call.end())};
     camera.tolerance = kLeastTolerance + camera.latency.range() / 2;
     camera.latency.least -= camera.tolerance;

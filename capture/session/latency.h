@@ -20,7 +20,7 @@ struct CameraReference {
 
 struct Reference {
   std::vector<CameraReference> cameras;   // as Pass::feeds()
-  core::Nanoseconds longest_trigger = 0;  // Trigger::fire() took at most so long
+  core::Nanoseconds longest_trigger = 0;  // from calling Trigger::fire() until every camera was triggered, at most
 };
 
 double mean_value(const core::Image& image);

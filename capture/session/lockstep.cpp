@@ -87,6 +87,14 @@ void take(Pass& pass, const db::Step& step) {
       trouble = error.what();
       pass.forget_cameras();
     }
+    // One camera's trouble does not spoil another's frame, lights that went out do.
+    try {
+      if (!received.empty()) pass.check_lights();
+    } catch (const core::DeviceError& error) {
+      trouble = error.what();
+      pass.report().discarded += received.size();
+      received.clear();
+    }
     for (auto& [feed, frame] : received) pass.keep(step, *feed, std::move(frame));
   }
 }

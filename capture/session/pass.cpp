@@ -6,11 +6,6 @@
 
 namespace lightstage::capture {
 
-namespace {
-// Asking a controller for its temperature takes its time too.
-constexpr core::Nanoseconds kStatusEvery = 2 * core::kSecond;
-}  // namespace
-
 std::string describe(const db::Step& step) {
   const std::string light = step.light_index ? ", light " + std::to_string(*step.light_index) : "";
   return "step " + std::to_string(step.step_index) + " (" + std::string(db::to_string(step.kind)) + light + ")";
@@ -84,24 +79,23 @@ void Pass::keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame)
   show_progress(step);
 }
 
+void Pass::check_lights() {
+  lights_status_ = rig_.lights.status();
+  if (lights_status_.faults.empty()) return;
+  std::string faults;
+  for (const std::string& fault : lights_status_.faults) faults += (faults.empty() ? "" : "; ") + fault;
+  throw core::DeviceError("the LED controller switched lights off by itself: " + faults);
+}
+
 void Pass::show_progress(const db::Step& step) {
-  const core::Nanoseconds time = now();
-  if (status_time_ == 0 || time - status_time_ > kStatusEvery) {
-    status_time_ = time;
-    const LedStatus lights = rig_.lights.status();
-    status_.clear();
-    char number[64];
-    if (lights.temperature_celsius) {
-      std::snprintf(number, sizeof number, ", LEDs at %.0f C", *lights.temperature_celsius);
-      status_ += number;
-    }
-    for (const std::string& fault : lights.faults) status_ += ", " + fault;
-  }
-  const double seconds = static_cast<double>(time - begin_) / static_cast<double>(core::kSecond);
-  char rate[64] = "";
+  const double seconds = static_cast<double>(now() - begin_) / static_cast<double>(core::kSecond);
+  char rate[32] = "", temperature[32] = "";
   if (seconds > 0) std::snprintf(rate, sizeof rate, ", %.1f frames/s", static_cast<double>(report_.stored) / seconds);
+  if (const std::optional<double> celsius = lights_status_.temperature_celsius) {
+    std::snprintf(temperature, sizeof temperature, ", LEDs at %.0f C", *celsius);
+  }
   progress_.set_status(describe(step) + rate + ", " + std::to_string(report_.dropped) + " dropped, " +
-                       std::to_string(report_.retaken) + " retaken" + status_);
+                       std::to_string(report_.retaken) + " retaken" + temperature);
   progress_.advance();
 }
 

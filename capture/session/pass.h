@@ -45,6 +45,10 @@ class Pass {
   // After a device failed: cameras may have started anew.
   void forget_cameras();
 
+  // Throws DeviceError when the controller has switched lights off by itself since it was told to light them: what was
+  // exposed meanwhile shows too little light. Ask after the exposures and before their frames are kept.
+  void check_lights();
+
   // Hands the frame on to be stored, unless it is there already (then it is discarded). Throws what storing threw.
   void keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame);
   // Returns when all frames are stored.
@@ -63,8 +67,8 @@ class Pass {
   Stored stored_;
   std::map<int, int> tries_;
   SessionReport report_;
-  core::Nanoseconds begin_, status_time_ = 0;
-  std::string status_;  // of the lights, as last asked
+  core::Nanoseconds begin_;
+  LedStatus lights_status_;  // as last asked
   core::Progress progress_;
   FrameKeeper keeper_;
 };

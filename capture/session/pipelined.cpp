@@ -18,6 +18,7 @@ class PipelinedPass {
   PipelinedPass(Pass& pass, PatternPlayer& player) : pass_(pass), player_(player), steps_(pass.unfinished()) {}
 
   void run() {
+    const core::Nanoseconds begin = pass_.now();
     for (const db::Step* step : steps_) {
       if (!references_.contains(step->exposure_ns)) {
         references_.emplace(step->exposure_ns, measure_triggered(pass_, step->exposure_ns));
@@ -26,6 +27,7 @@ class PipelinedPass {
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
       witnesses_.emplace_back(references_.begin()->second.cameras[c]);
     }
+    pass_.report().preparation = pass_.now() - begin;
     std::size_t first = 0;
     int failures = 0;
     for (const Run& run : cut_into_runs(steps_, kLongestRun)) {
@@ -68,18 +70,17 @@ class PipelinedPass {
                        reference.cameras[c].latency.range() + reference.longest_trigger});
     }
     load();
-    player_.arm(first, reference.longest_trigger);
+    player_.arm(first, hold(reference));
     settle_from(pass_.now());
     for (std::size_t i = 0; i < run.steps.size(); ++i) {
       // Interrupted: what was exposed is kept, then the caller stops.
       if (core::interrupt_requested() && i > 0) break;
       pass_.begin_try(*run.steps[i]);
       const core::Nanoseconds called = pass_.now();
-      pass_.rig().trigger->fire();
-      const core::Nanoseconds returned = pass_.now();
-      for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, returned);
+      const core::Nanoseconds triggered = pass_.rig().trigger->fire();
+      for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, triggered);
       const std::optional<core::Nanoseconds> lit =
-          player_.wait_for_pattern(first + i + 1, returned + run.exposure + reference.longest_trigger + kStrobeDelay);
+          player_.wait_for_pattern(first + i + 1, pass_.now() + run.exposure + hold(reference) + kStrobeDelay);
       // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
       if (!lit) {
         core::note(describe(*run.steps[i]) + ": the controller heard no strobe; it and what follows are taken again");
@@ -90,8 +91,12 @@ class PipelinedPass {
       pass_.rig().clock.sleep_until(called + pace);
     }
     wait_for_frames(matchers, run.exposure);
+    pass_.check_lights();
     for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c]);
   }
+
+  // The last camera is triggered so much after the first, and may be a little slower to begin.
+  core::Nanoseconds hold(const Reference& reference) const { return reference.longest_trigger + pass_.sequence().hold; }
 
   void settle_from(core::Nanoseconds lit) { pass_.rig().clock.sleep_until(lit + pass_.sequence().settle); }
 

@@ -83,6 +83,8 @@ void set_control(const VideoDevice& device, const Control& control, std::int64_t
   }
   v4l2_ext_controls controls = just(one);
   device.call(VIDIOC_S_EXT_CTRLS, controls, "set its control '" + control.name + "' to " + std::to_string(value));
+  // Buttons and their like have no value.
+  if (control.flags & (V4L2_CTRL_FLAG_WRITE_ONLY | V4L2_CTRL_FLAG_EXECUTE_ON_WRITE)) return;
   const std::int64_t granted = control_value(device, control);
   if (granted != value) {
     device.refuse("its control '" + control.name + "' was set to " + std::to_string(value) + " but stands at " +

@@ -34,7 +34,7 @@ std::vector<MenuItem> menu_items(const VideoDevice& device, const Control& contr
 std::int64_t control_value(const VideoDevice& device, const Control& control);
 
 // Sets it and reads it back. Throws VideoError when the driver refuses, DeviceError naming both values when it grants
-// another (drivers clamp without a word).
+// another (drivers clamp without a word). Those that only start something are not read back.
 void set_control(const VideoDevice& device, const Control& control, std::int64_t value);
 
 }  // namespace lightstage::capture

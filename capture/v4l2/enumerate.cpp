@@ -121,19 +121,21 @@ std::string find_camera_node(VideoSystem& system, const std::string& match, std:
   std::vector<Candidate> candidates;
   std::string present;
   for (const VideoNode& node : system.nodes()) {
-    const std::string serial = node.serial.empty() ? "" : ", serial number " + node.serial;
+    const auto note = [&](const std::string& card, const std::string& about) {
+      const std::string serial = node.serial.empty() ? "" : ", serial number " + node.serial;
+      present += (present.empty() ? "" : "; ") + node.path + ": " + card + serial + about;
+    };
     try {
       const VideoDevice device(system, node.path, user);
       if (!device.captures()) continue;
       if (match == node.serial || match == device.bus_path()) {
         candidates.push_back({node.path, device.bus_path(), offers(device, fourcc)});
       }
-      present +=
-          (present.empty() ? "" : "; ") + node.path + ": " + device.card() + serial + ", bus path " + device.bus_path();
+      note(device.card(), ", bus path " + device.bus_path());
     } catch (const VideoError& error) {
-      if (match == node.serial && node.index == 0) throw;
-      if (node.index == 0)
-        present += (present.empty() ? "" : "; ") + node.path + ": " + node.card + serial + " (" + error.what() + ")";
+      if (node.index != 0) continue;
+      if (match == node.serial) throw;
+      note(node.card, std::string(" (") + error.what() + ")");
     }
   }
   if (candidates.empty()) {

@@ -11,6 +11,10 @@ namespace lightstage::capture {
 namespace {
 
 constexpr std::size_t kRowGrain = 32;
+// Codes of the R, G and B that YUYV can give (out of gamut they are far below 0), and how finely they are tabulated: linear
+// between the entries, within 1e-6 of the signal.
+constexpr int kLowestColour = -512, kHighestColour = 255, kColourSteps = 4;
+constexpr int kColourEntries = (kHighestColour - kLowestColour) * kColourSteps + 1;
 const std::vector<double> kDefaultLinearisation = CameraDevice{}.linearisation;
 
 double decode_positive(ColourEncoding::Transfer transfer, double v) {
@@ -80,6 +84,11 @@ RawToLinear::RawToLinear(const std::string& camera, const PixelFormat& format, c
     signal_of_code_.push_back(static_cast<float>(here));
     before = here;
   }
+  if (format.layout == PixelLayout::kYuyv) {
+    for (int i = 0; i < kColourEntries; ++i) {
+      colour_signal_.push_back(static_cast<float>(signal(kLowestColour + double(i) / kColourSteps)));
+    }
+  }
   if (!format.bayer) return;
   const double lowest = signal(0);
   const int full = 65535 / top * top;  // whole steps between the codes of a linear sensor
@@ -118,26 +127,34 @@ core::Image RawToLinear::look_up(const RawPicture& picture, double radiance_per_
 
 core::Image RawToLinear::from_yuyv(const RawPicture& picture, double radiance_per_signal) const {
   const bool is_709 = encoding_.matrix == ColourEncoding::Matrix::kRec709;
-  const double kr = is_709 ? 0.2126 : 0.299, kb = is_709 ? 0.0722 : 0.114;
-  const double black = encoding_.full_range ? 0 : 16;
-  const double luma_scale = encoding_.full_range ? 1 : 255.0 / 219,
-               chroma_scale = encoding_.full_range ? 1 : 255.0 / 224;
+  const float kr = is_709 ? 0.2126f : 0.299f, kb = is_709 ? 0.0722f : 0.114f, kg = 1 - kr - kb;
+  const float black = encoding_.full_range ? 0 : 16;
+  const float luma_scale = encoding_.full_range ? 1 : 255.0f / 219;
+  const float chroma_scale = encoding_.full_range ? 1 : 255.0f / 224;
+  const float red_of_cr = 2 * (1 - kr) * chroma_scale, blue_of_cb = 2 * (1 - kb) * chroma_scale;
+  const auto scale = static_cast<float>(radiance_per_signal);
   core::Image image(picture.height, picture.width, 3);
   for_rows(picture.height, [&](int y) {
     const std::uint16_t* in = picture.row(y);
     float* out = image.pixel(y, 0);
     for (int x = 0; x < picture.width; ++x, in += 3, out += 3) {
-      const double luma = (in[0] - black) * luma_scale;
-      const double cb = (in[1] - 128) * chroma_scale, cr = (in[2] - 128) * chroma_scale;
-      const double r = luma + 2 * (1 - kr) * cr, b = luma + 2 * (1 - kb) * cb;
-      const double g = (luma - kr * r - kb * b) / (1 - kr - kb);
-      const double codes[3] = {r, g, b};
-      for (int c = 0; c < 3; ++c) {
-        out[c] = static_cast<float>(signal(std::min(codes[c], 255.0)) * radiance_per_signal);
-      }
+      const float luma = (static_cast<float>(in[0]) - black) * luma_scale;
+      const float red = (static_cast<float>(in[2]) - 128) * red_of_cr;
+      const float blue = (static_cast<float>(in[1]) - 128) * blue_of_cb;
+      out[0] = colour_signal(luma + red) * scale;
+      out[1] = colour_signal(luma - (kr * red + kb * blue) / kg) * scale;
+      out[2] = colour_signal(luma + blue) * scale;
     }
   });
   return image;
+}
+
+float RawToLinear::colour_signal(float code) const {
+  const float place = std::clamp((code - kLowestColour) * kColourSteps, 0.0f, float(kColourEntries - 1));
+  const int entry = std::min(static_cast<int>(place), kColourEntries - 2);
+  const float low = colour_signal_[static_cast<std::size_t>(entry)];
+  const float high = colour_signal_[static_cast<std::size_t>(entry) + 1];
+  return low + (place - static_cast<float>(entry)) * (high - low);
 }
 
 core::Image RawToLinear::demosaic(const RawPicture& picture, double radiance_per_signal) const {

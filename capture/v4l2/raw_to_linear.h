@@ -50,6 +50,7 @@ class RawToLinear {
 
  private:
   double signal(double code) const;
+  float colour_signal(float code) const;  // the same from a table, for R, G and B between the codes
   core::Image look_up(const RawPicture& picture, double radiance_per_signal) const;
   core::Image from_yuyv(const RawPicture& picture, double radiance_per_signal) const;
   core::Image demosaic(const RawPicture& picture, double radiance_per_signal) const;
@@ -59,6 +60,7 @@ class RawToLinear {
   std::vector<double> polynomial_;  // empty: by encoding_
   ColourEncoding encoding_;
   std::vector<float> signal_of_code_;
+  std::vector<float> colour_signal_;
   // Mosaics: the signal on 16 bits, which loses nothing of a linear sensor's codes; signal = demosaic_black_ + code *
   // demosaic_step_.
   std::vector<std::uint16_t> demosaic_code_;

@@ -15,6 +15,10 @@ std::string field(const __u8 (&bytes)[size]) {
   return {text, strnlen(text, size)};
 }
 
+std::string text(int error) {
+  return std::generic_category().message(error);
+}
+
 std::string advice(int error) {
   switch (error) {
     case ENODEV:
@@ -24,11 +28,6 @@ std::string advice(int error) {
       return "; check its cable and power, then plug it in again";
     case EBUSY:
       return "; another program uses it, close that one";
-    case EACCES:
-    case EPERM:
-      return "; put this user into the group 'video' (usermod -aG video NAME) and log in again";
-    case ENOENT:
-      return "; is it plugged in? `lightstage doctor` lists the cameras that are there";
     case ENOSPC:
       return "; the USB bus has not enough bandwidth left: put the cameras on controllers of their own, or choose a "
              "smaller picture or format";
@@ -39,15 +38,26 @@ std::string advice(int error) {
   }
 }
 
-}  // namespace
-
-std::string describe_failure(const std::string& action, int error) {
-  return "cannot " + action + ": " + std::generic_category().message(error) + advice(error);
+// Errors that have another cause when a device is open already.
+std::string advice_at_opening(int error) {
+  switch (error) {
+    case EACCES:
+    case EPERM:
+      return "; put this user into the group 'video' (usermod -aG video NAME) and log in again";
+    case ENOENT:
+      return "; is it plugged in? `lightstage doctor` lists the cameras that are there";
+    default:
+      return advice(error);
+  }
 }
+
+}  // namespace
 
 VideoDevice::VideoDevice(VideoSystem& system, std::string path, const std::string& user)
     : system_(system), path_(std::move(path)), name_(user.empty() ? path_ : user + " (" + path_ + ")") {
-  if (const int error = system_.open(path_, descriptor_)) fail("open it", error);
+  if (const int error = system_.open(path_, descriptor_)) {
+    throw VideoError(name_ + ": cannot open it: " + text(error) + advice_at_opening(error), error);
+  }
   if (const int error = try_call(VIDIOC_QUERYCAP, capability_)) {
     system_.close(descriptor_);
     fail("ask what it is", error);
@@ -72,7 +82,7 @@ bool VideoDevice::captures() const {
 }
 
 void VideoDevice::fail(const std::string& action, int error) const {
-  throw VideoError(name_ + ": " + describe_failure(action, error), error);
+  throw VideoError(name_ + ": cannot " + action + ": " + text(error) + advice(error), error);
 }
 
 void VideoDevice::refuse(const std::string& problem) const {

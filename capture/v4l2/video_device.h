@@ -16,10 +16,6 @@ struct VideoError : core::DeviceError {
   int error;
 };
 
-// "cannot start streaming: Device or resource busy; another program uses it, close that one": what failed, why, and what
-// to do about it.
-std::string describe_failure(const std::string& action, int error);
-
 class VideoDevice {
  public:
   // Opens and asks what it is. `user` goes before the path in every message ("camera 'left'"); may be empty. Throws
@@ -45,7 +41,7 @@ class VideoDevice {
   int try_call(unsigned long request, Argument& argument) const {
     return system_.ioctl(descriptor_, request, &argument);
   }
-  // Throws VideoError: "NAME: cannot ACTION: ...".
+  // Throws VideoError: "NAME: cannot ACTION: what the kernel says; what to do".
   template <class Argument>
   void call(unsigned long request, Argument& argument, const std::string& action) const {
     if (const int error = try_call(request, argument)) fail(action, error);

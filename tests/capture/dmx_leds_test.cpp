@@ -1,6 +1,7 @@
 #include "capture/usb/dmx_leds.h"
 
 #include <catch2/catch.hpp>
+#include <map>
 #include <random>
 
 #include "core/error.h"

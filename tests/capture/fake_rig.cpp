@@ -163,7 +163,7 @@ class FakeRig::Camera : public capture::Camera {
 class FakeRig::Trigger : public capture::Trigger {
  public:
   explicit Trigger(FakeRig& rig) : rig_(rig) {}
-  void fire() override {
+  core::Nanoseconds fire() override {
     rig_.on_fire(rig_.exposures_);
     const auto part = rig_.fire_time / static_cast<core::Nanoseconds>(rig_.cameras_.size());
     core::Nanoseconds time = rig_.clock_.now();
@@ -173,6 +173,7 @@ class FakeRig::Trigger : public capture::Trigger {
     }
     rig_.clock_.sleep_until(rig_.clock_.now() + rig_.fire_time);
     ++rig_.exposures_;
+    return rig_.clock_.now();
   }
 
  private:

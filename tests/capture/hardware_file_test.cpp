@@ -257,7 +257,8 @@ TEST_CASE("mistakes in the hardware are named by file, line and key", "[hardware
   expect_here("match = \"usb-0000:00:14.0-2\"", "match = \"CAM-LEFT\"", "camera[1].device.match",
               "is that of camera 'left' already");
   expect_here("pixel_format = \"Y10 \"", "pixel_format = \"MJPG\"", "camera[0].device.pixel_format",
-              "is a lossy one, whose values cannot be measured with: choose one of `lightstage doctor`");
+              "cannot be measured in: compressed with loss: what a pixel says depends on its neighbours, so that no "
+              "light can be measured in it");
   expect_here("pixel_format = \"Y10 \"", "pixel_format = \"grey8\"", "camera[0].device.pixel_format",
               "must be the driver's four characters, such as GREY, Y10, Y16, RGGB or YUYV");
   expect_here("gain = 7", "gain = 3000000000", "camera[0].device.gain", "must fit into 32 bits");

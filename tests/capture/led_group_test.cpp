@@ -22,6 +22,7 @@ struct Told {
   bool plays = true;
   Patterns loaded;
   std::optional<std::size_t> armed;
+  core::Nanoseconds delay = -1;
   std::optional<core::Nanoseconds> reaches;
 };
 
@@ -48,9 +49,10 @@ class Member final : public capture::LedController, public capture::PatternPlaye
     check();
     told_.loaded.assign(patterns.begin(), patterns.end());
   }
-  void arm(std::size_t first) override {
+  void arm(std::size_t first, core::Nanoseconds delay) override {
     check();
     told_.armed = first;
+    told_.delay = delay;
   }
   std::optional<core::Nanoseconds> wait_for_pattern(std::size_t, core::Nanoseconds) override { return told_.reaches; }
 
@@ -155,8 +157,11 @@ TEST_CASE("a group plays sequences when all its members do", "[led_group]") {
   for (std::size_t i = 0; i < patterns.size(); ++i) {
     REQUIRE(bench.together([i](const Told& t) { return t.loaded.at(i); }) == patterns[i]);
   }
-  player->arm(7);
-  for (const Told& told : bench.told) CHECK(told.armed == 7u);
+  player->arm(7, 250);
+  for (const Told& told : bench.told) {
+    CHECK(told.armed == 7u);
+    CHECK(told.delay == 250);
+  }
 
   CHECK_FALSE(player->wait_for_pattern(1, 0));
   bench.told[0].reaches = 10;
@@ -166,6 +171,6 @@ TEST_CASE("a group plays sequences when all its members do", "[led_group]") {
   CHECK(player->wait_for_pattern(1, 0) == 12);
 
   bench.told[2].broken = true;
-  CHECK_THROWS_WITH(player->arm(3), "c is gone");
+  CHECK_THROWS_WITH(player->arm(3, 0), "c is gone");
   CHECK(bench.told[0].armed == 3u);
 }

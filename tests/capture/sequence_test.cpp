@@ -25,7 +25,8 @@ bool same(const Sequence& a, const Sequence& b) {
   const auto same_step = [](const db::Step& x, const db::Step& y) {
     return x.step_index == y.step_index && capture::same_shot(x, y);
   };
-  return a.settle == b.settle && std::equal(a.steps.begin(), a.steps.end(), b.steps.begin(), b.steps.end(), same_step);
+  return a.settle == b.settle && a.hold == b.hold && a.timing == b.timing &&
+         std::equal(a.steps.begin(), a.steps.end(), b.steps.begin(), b.steps.end(), same_step);
 }
 
 std::string message_of(const std::string& toml, std::size_t light_count = 10) {
@@ -161,6 +162,8 @@ TEST_CASE("a sequence file reads back exactly") {
   options.exposure = 16'666'667;
   Sequence sequence = capture::make_olat_sequence(options);
   sequence.settle = 1'234'567;
+  sequence.hold = 123'456;
+  sequence.timing = capture::Timing::kPipelined;
   db::Step pattern = step_of(
       StepKind::kPattern, {},
       capture::pattern_of(std::vector<LightLevel>{{179, 0.1f, 1.0f / 3, 0}, {0, 1, std::nextafter(1.0f, 0.0f), 0.5f}}));
@@ -191,6 +194,8 @@ TEST_CASE("random sequences read back exactly") {
   for (int round = 0; round < 50; ++round) {
     Sequence sequence;
     sequence.settle = static_cast<core::Nanoseconds>(below(60'000'000'000));
+    sequence.hold = static_cast<core::Nanoseconds>(below(500'000'000));
+    sequence.timing = static_cast<capture::Timing>(below(3));
     const std::size_t count = 1 + below(40);
     for (std::size_t i = 0; i < count; ++i) {
       const auto kind = static_cast<StepKind>(below(5));

@@ -191,6 +191,35 @@ TEST_CASE("YUYV is decoded by matrix and range, then by its transfer function", 
   }
 }
 
+TEST_CASE("every YUYV triple is what the formulas give", "[v4l2]") {
+  std::mt19937_64 random(5);
+  RawPicture raw = picture(500, 40, 3);
+  for (std::uint16_t& code : raw.values) code = static_cast<std::uint16_t>(random() % 256);
+  for (const double black : {0.0, 7.0}) {
+    for (const bool full_range : {false, true}) {
+      const ColourEncoding encoding{ColourEncoding::Transfer::kSrgb, ColourEncoding::Matrix::kRec601, full_range};
+      const core::Image image = converter("YUYV", device(black), encoding).image(raw, 1);
+      double worst = 0;
+      for (int y = 0; y < raw.height; ++y) {
+        for (int x = 0; x < raw.width; ++x) {
+          const std::uint16_t* const in = raw.row(y) + 3 * x;
+          const double luma = full_range ? in[0] : (in[0] - 16) * 255 / 219.0;
+          const double chroma = full_range ? 1 : 255 / 224.0;
+          const double cb = (in[1] - 128) * chroma, cr = (in[2] - 128) * chroma;
+          // ITU-R BT.601: R = Y + 1.402 Cr, G = Y - (0.299 1.402 Cr + 0.114 1.772 Cb) / 0.587, B = Y + 1.772 Cb.
+          const double codes[3] = {luma + 1.402 * cr, luma - (0.299 * 1.402 * cr + 0.114 * 1.772 * cb) / 0.587,
+                                   luma + 1.772 * cb};
+          for (int c = 0; c < 3; ++c) {
+            const double s = (std::min(codes[c], 255.0) - black) / (255 - black);
+            worst = std::max(worst, std::abs(image(y, x, c) - decode(ColourEncoding::Transfer::kSrgb, s)));
+          }
+        }
+      }
+      CHECK(worst < 2e-6);
+    }
+  }
+}
+
 TEST_CASE("what is brighter than YUYV's white is not above the saturation", "[v4l2]") {
   const RawToLinear to_linear = converter("YUYV", device(0));
   const core::Image image = to_linear.image(row_of({255, 128, 128, 254, 255, 255}, 3), 1);

@@ -1,4 +1,5 @@
 #include <catch2/catch.hpp>
+#include <fstream>
 
 #include "cli/program.h"
 #include "support/support.h"
@@ -10,7 +11,7 @@ TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
   for (const std::string command :
        {"init", "stage", "capture", "calibrate", "align", "import", "export", "train", "superres", "relight", "sky",
-        "evaluate", "store", "model", "bench", "doctor", "demo"}) {
+        "evaluate", "store", "model", "bench", "doctor", "lights-off", "demo"}) {
     INFO(command);
     const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);
@@ -59,4 +60,39 @@ TEST_CASE("doctor reports what the machine offers") {
   CHECK(report["threads"] == 1);
   CHECK(report["torch"].get<std::string>().starts_with("1."));
   CHECK(report["fast_blas"].is_boolean());
+  for (const char* list : {"controllers", "cameras", "gpio_chips", "problems"}) CHECK(report[list].is_array());
+}
+
+TEST_CASE("doctor says what keeps a stage from being captured with") {
+  const test::TemporaryFolder folder;
+  const std::string file = (folder / "stage.toml").string();
+  REQUIRE(run_program(folder / "store", {"stage", "--lights", "3", "--out", file}).status == 0);
+  const test::Outcome drawn = run_program(folder / "store", {"doctor", "--json", "--stage", file});
+  CHECK(drawn.status == 4);
+  CHECK(drawn.json()["ok"] == false);
+  CHECK(drawn.json()["stage_problems"][0] == "stage stage: the file has no [[controller]]: see docs/hardware.md");
+
+  std::ofstream(file, std::ios::app)
+      << "[[controller]]\nname = \"dome\"\nkind = \"lightstage\"\nserial = \"no such\"\n";
+  const test::Outcome missing = run_program(folder / "store", {"doctor", "--stage", file});
+  CHECK(missing.status == 4);
+  CHECK(missing.out.find("controller dome: no lightstage controller with the serial number 'no such'") !=
+        std::string::npos);
+}
+
+TEST_CASE("lights-off names the controllers that may still be lit") {
+  const test::TemporaryFolder folder;
+  const std::string file = (folder / "stage.toml").string();
+  REQUIRE(run_program(folder / "store", {"stage", "--lights", "3", "--out", file}).status == 0);
+  const test::Outcome drawn = run_program(folder / "store", {"lights-off", "--stage", file});
+  CHECK(drawn.status == 2);
+  CHECK(drawn.err.find("docs/hardware.md") != std::string::npos);
+
+  std::ofstream(file, std::ios::app)
+      << "[[controller]]\nname = \"dome\"\nkind = \"lightstage\"\nserial = \"no such\"\n";
+  const test::Outcome missing = run_program(folder / "store", {"lights-off", "--json", "--stage", file});
+  CHECK(missing.status == 4);
+  CHECK(missing.json()["failed"].size() == 1);
+  CHECK(missing.err.find("controller dome") != std::string::npos);
+  CHECK(run_program(folder / "store", {"lights-off"}).status == 2);
 }

@@ -376,13 +376,13 @@ TEST_CASE("the player steps by command or by the edge it was told, and stops aft
   }
   SECTION("by strobe, delayed") {
     bench.ask(Arm{0, StepSource::kStrobe, StrobeEdge::kFalling, 200}, 1);
-    // Two pulses before the first step is due, each stepping 2 ms after its end; a third beyond the end.
-    for (const Nanoseconds t : {10, 11, 12, 13}) bench.firmware.strobe_edge(false, t * kMillisecond);
+    // All pulses come before the first step is due, and each steps 2 ms after its end; the fourth is beyond the end.
+    const Nanoseconds t = 10 * kMillisecond;
+    for (const Nanoseconds after : {0, 100, 200, 300}) bench.firmware.strobe_edge(false, t + after);
     CHECK(bench.firmware.next_event() == 12 * kMillisecond);
     bench.firmware.tick(50 * kMillisecond);
-    const Nanoseconds t = 12 * kMillisecond;
-    CHECK(bench.changes ==
-          std::vector<Change>{{1, kRed}, {t, {}}, {t + kMillisecond, kTwo}, {t + 2 * kMillisecond, {}}});
+    const Nanoseconds due = 12 * kMillisecond;
+    CHECK(bench.changes == std::vector<Change>{{1, kRed}, {due, {}}, {due + 100, kTwo}, {due + 200, {}}});
     // What makes it dark forgets what is due.
     bench.ask(Arm{0, StepSource::kStrobe, StrobeEdge::kFalling, 200}, 60 * kMillisecond);
     bench.firmware.strobe_edge(false, 61 * kMillisecond);

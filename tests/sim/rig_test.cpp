@@ -166,9 +166,9 @@ TEST_CASE("a simulated pass is the same every time, and another one for another 
 TEST_CASE("a pass that is resumed goes on in time, with another rig") {
   struct Unplugged : capture::Trigger {
     Unplugged(capture::Trigger& trigger, int works_for) : inner(trigger), left(works_for) {}
-    void fire() override {
+    core::Nanoseconds fire() override {
       if (left-- <= 0) throw core::DeviceError("unplugged");
-      inner.fire();
+      return inner.fire();
     }
     capture::Trigger& inner;
     int left;

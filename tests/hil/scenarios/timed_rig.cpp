@@ -30,9 +30,9 @@ struct TimedRig::Trigger : capture::Trigger {
   Trigger(capture::Trigger& the_inner, const core::Clock& the_clock, std::vector<std::shared_ptr<Camera>>& the_cameras)
       : inner(the_inner), clock(the_clock), cameras(the_cameras) {}
 
-  void fire() override {
+  core::Nanoseconds fire() override {
     for (const auto& camera : cameras) camera->fired.push_back(clock.now());
-    inner.fire();
+    return inner.fire();
   }
 
   capture::Trigger& inner;

@@ -1,0 +1,144 @@
+#include "cli/jobs/capture_plan.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "db/content_hash.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+// A mirror shows the LEDs themselves, thousands of times brighter than a lit face.
+constexpr core::Nanoseconds kMirrorExposure = 10'000;
+constexpr core::Nanoseconds kExposureUnit = core::kMillisecond / 10;
+
+sim::SubjectSpec subject(const CaptureRequest& request) {
+  const int chosen = int(request.procedural_seed.has_value()) + int(!request.mesh.empty()) + int(request.mirror_ball) +
+                     int(request.grey_ball) + int(request.chessboard);
+  if (chosen != 1) {
+    throw core::UsageError(
+        "a simulated capture needs one subject: --procedural SEED, --mesh FILE, --mirror-ball, "
+        "--grey-ball or --chessboard");
+  }
+  sim::SubjectSpec spec;
+  spec.seed = request.procedural_seed.value_or(request.seed);
+  spec.yaw_degrees = request.yaw_degrees;
+  if (!request.mesh.empty()) {
+    spec.kind = sim::SubjectKind::kMesh;
+    if (!std::filesystem::is_regular_file(request.mesh)) {
+      throw core::BadInput(request.mesh.string() + ": no such mesh file");
+    }
+    spec.mesh_path = std::filesystem::canonical(request.mesh).string();
+    spec.mesh_hash = db::hash_file(spec.mesh_path).hex();
+  }
+  if (request.mirror_ball) spec.kind = sim::SubjectKind::kMirrorBall;
+  if (request.grey_ball) spec.kind = sim::SubjectKind::kGreyBall;
+  if (request.chessboard) spec.kind = sim::SubjectKind::kChessboard;
+  if (request.mirror_ball || request.grey_ball) spec.size_m = request.ball_radius_mm / 1000;
+  return spec;
+}
+
+// The same optics on a sensor of another resolution.
+void resize(core::CameraModel& camera, int size) {
+  const double scale = double(size) / camera.width;
+  camera.cx = (camera.cx + 0.5) * scale - 0.5;  // pixel centres are at integers
+  camera.cy = (camera.cy + 0.5) * scale - 0.5;
+  camera.fx *= scale;
+  camera.fy *= scale;
+  camera.height = int(std::lround(camera.height * scale));
+  camera.width = size;
+}
+
+core::Nanoseconds nanoseconds(double milliseconds) {
+  return core::Nanoseconds(std::llround(milliseconds * 1e6));
+}
+
+core::Nanoseconds in_units(core::Nanoseconds exposure) {
+  return std::max<core::Nanoseconds>(1, (exposure + kExposureUnit / 2) / kExposureUnit) * kExposureUnit;
+}
+
+capture::Sequence default_sequence(const CaptureRequest& request, std::size_t lights) {
+  capture::OlatOptions olat;
+  olat.light_count = lights;
+  olat.tracking_every = scan_kind(request) == db::ScanKind::kOlat ? request.tracking_every : 0;
+  if (request.mirror_ball) {
+    // Around the LEDs' images in the mirror, in the full-on frame that its outline is found in, are only the dim
+    // surroundings.
+    olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
+    olat.exposure = kMirrorExposure;
+  }
+  if (request.exposure_ms) olat.exposure = nanoseconds(*request.exposure_ms);
+  if (!request.simulate) {
+    if (!request.exposure_ms) olat.exposure = in_units(olat.exposure);
+    olat.full_on_exposure =
+        in_units(olat.full_on_exposure.value_or(capture::default_full_on_exposure(olat.exposure, lights)));
+  }
+  return capture::make_olat_sequence(olat);
+}
+
+sim::Simulation plan_simulation(const CaptureRequest& request, capture::Stage stage) {
+  sim::Simulation simulation;
+  simulation.subject = subject(request);
+  simulation.stage = std::move(stage);
+  if (request.size > 0) {
+    for (capture::StageCamera& camera : simulation.stage.cameras) resize(camera.model, request.size);
+  }
+  simulation.seed = request.seed;
+  simulation.indirect_bounce = request.bounce;
+  simulation.faults.drop_exposures = request.drop;
+  if (request.no_noise) simulation.sensor.noise = false;
+  if (request.no_motion) simulation.motion = {.amplitude_m = 0, .rotation_degrees = 0};
+  return simulation;
+}
+
+}  // namespace
+
+db::ScanKind scan_kind(const CaptureRequest& request) {
+  if (request.mirror_ball) return db::ScanKind::kMirrorBall;
+  if (request.grey_ball) return db::ScanKind::kGreyBall;
+  if (request.chessboard) return db::ScanKind::kChessboard;
+  return db::ScanKind::kOlat;
+}
+
+CaptureProvenance plan_capture(const CaptureRequest& request) {
+  if (request.stage_file.empty()) {
+    throw core::UsageError("--stage FILE is needed (make one: lightstage stage --out stage.toml)");
+  }
+  CaptureProvenance provenance;
+  provenance.stage = capture::read_stage(request.stage_file);
+  if (request.simulate) {
+    provenance.simulation = plan_simulation(request, std::move(provenance.stage));
+    provenance.stage = provenance.simulation->stage;
+  } else {
+    if (int(request.mirror_ball) + int(request.grey_ball) + int(request.chessboard) > 1) {
+      throw core::UsageError("one thing stands on the stage: --mirror-ball, --grey-ball or --chessboard");
+    }
+    if (!provenance.stage.hardware.complete()) {
+      throw core::UsageError(
+          request.stage_file.string() +
+          " names no LED controllers and camera devices (docs/hardware.md); for a simulated stage add --sim");
+    }
+  }
+  const std::size_t lights = provenance.stage.light_positions.size();
+  provenance.sequence = request.sequence_file.empty() ? default_sequence(request, lights)
+                                                      : capture::read_sequence(request.sequence_file, lights);
+  if (request.timing) provenance.sequence.timing = *request.timing;
+  if (request.settle_ms) provenance.sequence.settle = nanoseconds(*request.settle_ms);
+  return provenance;
+}
+
+db::Scan begin_scan(db::Store& store, const std::string& name, const CaptureRequest& request,
+                    const CaptureProvenance& provenance) {
+  db::NewScan scan;
+  scan.name = name;
+  scan.kind = scan_kind(request);
+  scan.stage_key = capture::stage_key(provenance.stage);
+  scan.provenance = to_json(provenance);
+  for (const capture::StageCamera& camera : provenance.stage.cameras) scan.cameras.push_back(camera.name);
+  scan.steps = provenance.sequence.steps;
+  return store.scan(store.add_scan(scan));
+}
+
+}  // namespace lightstage::cli

@@ -1,0 +1,26 @@
+#include "sim/timing_bench.h"
+
+#include <catch2/catch.hpp>
+
+#include "core/progress.h"
+
+using namespace lightstage;
+
+TEST_CASE("on the simulated stage every mode keeps right frames only, with and without losses") {
+  core::set_quiet(true);
+  const double drop_probability = GENERATE(0.0, 0.05);
+  CAPTURE(drop_probability);
+  sim::TimingBenchOptions options;
+  options.lights = 40;
+  options.drop_probability = drop_probability;
+  const std::vector<sim::TimingRow> rows = sim::bench_timing(options);
+  REQUIRE(rows.size() == 3);
+  for (const sim::TimingRow& row : rows) {
+    CAPTURE(capture::to_string(row.timing));
+    CHECK(row.wrong == 0);
+    CHECK_FALSE(row.lights_left);
+    CHECK(row.report.stored == row.report.steps * 2);
+    CHECK((row.report.retaken > 0) == (drop_probability > 0));
+  }
+  CHECK(rows[1].steps_per_s > rows[0].steps_per_s);
+}
