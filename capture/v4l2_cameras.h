@@ -46,7 +46,7 @@ struct V4l2CameraSeen {
 // node for a moment and sets nothing. A camera that cannot be opened is listed with its problem. Does not throw DeviceError.
 std::vector<V4l2CameraSeen> v4l2_cameras_seen();
 
-// Finds the camera by CameraDevice::match, sets it up, and lets it stream: picture size as CameraDevice asks, everything
+// Finds the camera by CameraDevice::match, sets it up, and lets it stream: format as CameraDevice and picture size as StageCamera ask, everything
 // automatic off, gain, the fastest frame rate. What the driver grants is read back.
 //
 // Exposures are multiples of the driver's steps (0.1 ms, in V4L2); others are refused by name of the nearest ones. A frame

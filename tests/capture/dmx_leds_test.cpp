@@ -2,7 +2,8 @@
 
 #include <catch2/catch.hpp>
 #include <map>
-#include <random>
+#include <memory>
+#include <utility>
 
 #include "core/error.h"
 

@@ -97,7 +97,7 @@ TEST_CASE("a widget's messages are found between garbage; too long ones are not 
   }
 }
 
-TEST_CASE("a DMX message that never ends hides those behind it only until it is given up", "[dmx]") {
+TEST_CASE("a widget's message that never ends hides those behind it only until it is given up", "[dmx]") {
   Bytes stream{0x7E, 6, 200, 0, 1, 2, 3};
   const Bytes good = encode(DmxMessage{3, {9}});
   stream.insert(stream.end(), good.begin(), good.end());

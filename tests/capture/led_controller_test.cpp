@@ -1,8 +1,11 @@
+#include <atomic>
 #include <catch2/catch.hpp>
 #include <map>
+#include <memory>
+#include <mutex>
 #include <random>
 #include <set>
-#include <thread>
+#include <utility>
 
 #include "capture/protocol_leds.h"
 #include "core/error.h"
