@@ -1,4 +1,4 @@
-#include "tests/hil/rig/rig.h"
+#include "hil/rig/rig.h"
 
 #include <fcntl.h>
 #include <linux/gpio.h>
@@ -13,7 +13,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "tests/hil/rig/now.h"
+#include "hil/rig/now.h"
 
 namespace lightstage::hil {
 

@@ -4,7 +4,7 @@
 #include <array>
 #include <string_view>
 
-#include "tests/hil/rig/bytes.h"
+#include "hil/rig/bytes.h"
 
 namespace lightstage::hil {
 

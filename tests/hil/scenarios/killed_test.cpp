@@ -8,7 +8,8 @@
 #include <cstdlib>
 
 #include "capture/hardware_rig.h"
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
+#include "hil/scenarios/wait.h"
 
 namespace lightstage::hil {
 

@@ -1,7 +1,7 @@
 // Whole passes without faults, in each timing mode: what is stored, how fast it went.
 #include <catch2/catch.hpp>
 
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
 
 namespace lightstage::hil {
 

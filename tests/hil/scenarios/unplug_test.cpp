@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/error.h"
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
 
 namespace lightstage::hil {
 
