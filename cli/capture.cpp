@@ -115,9 +115,12 @@ void check_lights(const CaptureProvenance& provenance, const capture::Rig& rig, 
       capture::make_light_check_sequence(provenance.stage.light_positions.size(), exposure);
   const capture::LightCheckReport report =
       capture::check_lights(provenance.stage.light_positions, capture::take_light_pictures(sequence, rig));
+  if (!report.too_little.empty()) core::warn("light check: " + report.too_little);
   if (report.findings.empty()) {
-    core::note("light check: " + std::to_string(provenance.stage.light_positions.size()) +
-               " lights are as they should be" + (report.remark.empty() ? "" : " (" + report.remark + ")"));
+    const std::size_t lights = provenance.stage.light_positions.size();
+    core::note("light check: nothing wrong with " + std::to_string(lights - report.unjudged.size()) + " of " +
+               std::to_string(lights) + " lights" +
+               (report.unjudged.empty() ? "" : "; the others light nothing that a camera sees"));
     return;
   }
   std::string text;

@@ -49,10 +49,12 @@ TEST_CASE("a pulse is as long as asked and sets all lines at once", "[gpio]") {
   bench.spec.pulse = GENERATE(core::Nanoseconds(1000), 50 * kMicrosecond, 100 * kMicrosecond, 3 * kMillisecond);
   bench.spec.active_low = GENERATE(false, true);
   const auto trigger = bench.trigger();
-  for (int i = 0; i < 5; ++i) trigger->fire();
+  std::vector<core::Nanoseconds> fired;
+  for (int i = 0; i < 5; ++i) fired.push_back(trigger->fire());
   REQUIRE(bench.gpio.changes.size() == 10);
   for (std::size_t i = 0; i < 10; i += 2) {
     CHECK(bench.gpio.changes[i].active);
+    CHECK(fired[i / 2] == bench.gpio.changes[i].time);
     CHECK(bench.gpio.changes[i + 1].time - bench.gpio.changes[i].time == bench.spec.pulse);
   }
   CHECK(bench.gpio.sets == 10);  // not one for each line
