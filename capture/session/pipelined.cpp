@@ -1,5 +1,7 @@
 #include "capture/session/pipelined.h"
 
+#include <set>
+
 #include "capture/session/latency.h"
 #include "capture/session/runs.h"
 #include "capture/session/witness.h"
@@ -57,6 +59,7 @@ class PipelinedPass {
   void take(const Run& run, std::size_t first) {
     const Reference& reference = references_.at(run.exposure);
     std::vector<TriggeredMatcher> matchers;
+    std::set<int> mixed;
     core::Nanoseconds pace = 0;
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
       CameraFeed& feed = pass_.feeds()[c];
@@ -79,6 +82,8 @@ class PipelinedPass {
       const core::Nanoseconds called = pass_.now();
       const core::Nanoseconds triggered = pass_.rig().trigger->fire();
       for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, triggered);
+      // The last camera may have been triggered later than the lights were held for it: its exposure saw two steps' lights.
+      if (triggered - called > hold(reference)) mixed.insert(run.steps[i]->step_index);
       const std::optional<core::Nanoseconds> lit =
           player_.wait_for_pattern(first + i + 1, pass_.now() + run.exposure + hold(reference) + kStrobeDelay);
       // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
@@ -92,7 +97,7 @@ class PipelinedPass {
     }
     wait_for_frames(matchers, run.exposure);
     pass_.check_lights();
-    for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c]);
+    for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c], mixed);
   }
 
   // The last camera is triggered so much after the first, and may be a little slower to begin.
@@ -118,10 +123,11 @@ class PipelinedPass {
     }
   }
 
-  void close(std::size_t camera, TriggeredMatcher& matcher) {
+  void close(std::size_t camera, TriggeredMatcher& matcher, const std::set<int>& mixed) {
     pass_.report().dropped += matcher.outstanding();
     const std::size_t arrived = matcher.arrived();
     std::vector<MatchedFrame> matched = matcher.close();
+    std::erase_if(matched, [&](const MatchedFrame& m) { return mixed.contains(m.step); });
     pass_.report().discarded += arrived - matched.size();
     Witness::Verdict verdict = witnesses_[camera].hear(std::move(matched), pass_.sequence().steps);
     pass_.report().discarded += verdict.refused;

@@ -1,4 +1,4 @@
-#include "tests/hil/rig/cp2112.h"
+#include "hil/rig/cp2112.h"
 
 #include <fcntl.h>
 #include <linux/input.h>
@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "tests/hil/rig/bytes.h"
+#include "hil/rig/bytes.h"
 
 namespace lightstage::hil {
 

@@ -7,8 +7,8 @@
 #include <cstdint>
 #include <functional>
 
-#include "tests/hil/rig/file_descriptor.h"
-#include "tests/hil/rig/scene.h"
+#include "hil/rig/file_descriptor.h"
+#include "hil/rig/scene.h"
 
 namespace lightstage::hil {
 

@@ -1,8 +1,8 @@
-#include "tests/hil/rig/dmx_widget.h"
+#include "hil/rig/dmx_widget.h"
 
 #include <algorithm>
 
-#include "tests/hil/rig/now.h"
+#include "hil/rig/now.h"
 
 namespace lightstage::hil {
 

@@ -5,8 +5,8 @@
 #include <functional>
 #include <optional>
 
-#include "tests/hil/rig/scene.h"
-#include "tests/hil/rig/usbip_device.h"
+#include "hil/rig/scene.h"
+#include "hil/rig/usbip_device.h"
 
 namespace lightstage::hil {
 

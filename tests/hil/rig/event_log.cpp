@@ -1,4 +1,4 @@
-#include "tests/hil/rig/event_log.h"
+#include "hil/rig/event_log.h"
 
 #include <stdexcept>
 

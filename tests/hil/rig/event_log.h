@@ -14,7 +14,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "tests/hil/rig/scene.h"
+#include "hil/rig/scene.h"
 
 namespace lightstage::hil {
 

@@ -1,4 +1,4 @@
-#include "tests/hil/rig/fault_script.h"
+#include "hil/rig/fault_script.h"
 
 #include <set>
 #include <sstream>

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/hil/rig/uvc_camera.h"
+#include "hil/rig/uvc_camera.h"
 
 namespace lightstage::hil {
 

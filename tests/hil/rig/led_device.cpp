@@ -1,9 +1,9 @@
-#include "tests/hil/rig/led_device.h"
+#include "hil/rig/led_device.h"
 
 #include <algorithm>
 
 #include "capture/led_protocol.h"
-#include "tests/hil/rig/now.h"
+#include "hil/rig/now.h"
 
 namespace lightstage::hil {
 

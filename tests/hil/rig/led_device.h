@@ -5,9 +5,9 @@
 #include <memory>
 #include <optional>
 
+#include "hil/rig/scene.h"
+#include "hil/rig/usbip_device.h"
 #include "sim/led_firmware.h"
-#include "tests/hil/rig/scene.h"
-#include "tests/hil/rig/usbip_device.h"
 
 namespace lightstage::hil {
 

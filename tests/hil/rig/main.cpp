@@ -6,7 +6,7 @@
 #include <exception>
 #include <iostream>
 
-#include "tests/hil/rig/rig.h"
+#include "hil/rig/rig.h"
 
 int main(int argc, char** argv) {
   if (argc != 3) {

@@ -2,7 +2,7 @@
 
 #include <time.h>
 
-#include "tests/hil/rig/scene.h"
+#include "hil/rig/scene.h"
 
 namespace lightstage::hil {
 

@@ -1,4 +1,4 @@
-#include "tests/hil/rig/rig.h"
+#include "hil/rig/rig.h"
 
 #include <fcntl.h>
 #include <linux/gpio.h>
@@ -11,8 +11,9 @@
 #include <filesystem>
 #include <iostream>
 #include <stdexcept>
+#include <utility>
 
-#include "tests/hil/rig/now.h"
+#include "hil/rig/now.h"
 
 namespace lightstage::hil {
 
@@ -40,7 +41,10 @@ Rig::Rig(int cameras, const std::string& log_path) : log_(log_path), led_(kLedPo
     log_.write(time, "lights", {{"lit", lit}});
   };
   script_.act = [this](const std::vector<std::string>& action) { act(action); };
-  led_.on_request = [this] { script_.happened("request"); };
+  led_.on_request = [this] {
+    script_.happened("request");
+    if (!cut_.empty()) act({"unplug", "led", std::exchange(cut_, {}).at(2)});
+  };
   dmx_.on_values = [this] { script_.happened("show"); };
   gpio_.on_request = [this] { script_.happened("write"); };
   gpio_.on_line = [this](int line, bool high) {
@@ -148,6 +152,9 @@ void Rig::act(const std::vector<std::string>& action) {
   } else if (verb == "unplug") {
     unplug(device);
     replug_later(device, action);
+  } else if (verb == "cut" && device == "led") {
+    count();  // there must be one
+    cut_ = action;
   } else if (verb == "renumber" && device == "gpio") {
     hold_gpio_number();
     unplug(device);

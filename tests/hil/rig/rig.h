@@ -8,13 +8,13 @@
 #include <string>
 #include <vector>
 
-#include "tests/hil/rig/cp2112.h"
-#include "tests/hil/rig/dmx_widget.h"
-#include "tests/hil/rig/event_log.h"
-#include "tests/hil/rig/fault_script.h"
-#include "tests/hil/rig/led_device.h"
-#include "tests/hil/rig/scene.h"
-#include "tests/hil/rig/uvc_camera.h"
+#include "hil/rig/cp2112.h"
+#include "hil/rig/dmx_widget.h"
+#include "hil/rig/event_log.h"
+#include "hil/rig/fault_script.h"
+#include "hil/rig/led_device.h"
+#include "hil/rig/scene.h"
+#include "hil/rig/uvc_camera.h"
 
 namespace lightstage::hil {
 
@@ -35,6 +35,7 @@ class Rig {
   //   what FaultScript understands, with these actions (DEVICE: led, dmx, gpio, camN):
   //     plug DEVICE
   //     unplug DEVICE [MILLISECONDS]   and back again after so long
+  //     cut led MILLISECONDS           the same in the middle of the next transfer to it
   //     renumber gpio MILLISECONDS     the same, and comes back under another number
   //     mute led TRANSFERS, stall led TRANSFERS
   //     refuse gpio REQUESTS, ignore gpio REQUESTS
@@ -70,9 +71,10 @@ class Rig {
   Cp2112 gpio_;
   std::vector<std::unique_ptr<UvcCamera>> cameras_;
   std::vector<Replug> replugs_;
-  FileDescriptor held_chip_;  // while it is open, its number is not given to another chip
-  std::size_t lit_ = 0;       // cells
-  int exposures_ = 0;         // that ended since the scenario began, of all cameras
+  FileDescriptor held_chip_;      // while it is open, its number is not given to another chip
+  std::vector<std::string> cut_;  // the words of `cut`, until it happens
+  std::size_t lit_ = 0;           // cells
+  int exposures_ = 0;             // that ended since the scenario began, of all cameras
 };
 
 }  // namespace lightstage::hil

@@ -1,4 +1,4 @@
-#include "tests/hil/rig/scene.h"
+#include "hil/rig/scene.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "tests/hil/rig/usbip_device.h"
+#include "hil/rig/usbip_device.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>

@@ -9,8 +9,8 @@
 #include <optional>
 #include <string>
 
-#include "tests/hil/rig/bytes.h"
-#include "tests/hil/rig/file_descriptor.h"
+#include "hil/rig/bytes.h"
+#include "hil/rig/file_descriptor.h"
 
 namespace lightstage::hil {
 

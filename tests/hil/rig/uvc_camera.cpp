@@ -1,10 +1,10 @@
-#include "tests/hil/rig/uvc_camera.h"
+#include "hil/rig/uvc_camera.h"
 
 #include <algorithm>
 #include <cmath>
 #include <utility>
 
-#include "tests/hil/rig/now.h"
+#include "hil/rig/now.h"
 
 namespace lightstage::hil {
 

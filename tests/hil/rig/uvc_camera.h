@@ -5,9 +5,9 @@
 #include <functional>
 #include <optional>
 
-#include "tests/hil/rig/scene.h"
-#include "tests/hil/rig/usbip_device.h"
-#include "tests/hil/rig/uvc_descriptors.h"
+#include "hil/rig/scene.h"
+#include "hil/rig/usbip_device.h"
+#include "hil/rig/uvc_descriptors.h"
 
 namespace lightstage::hil {
 

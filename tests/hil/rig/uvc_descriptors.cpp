@@ -1,4 +1,4 @@
-#include "tests/hil/rig/uvc_descriptors.h"
+#include "hil/rig/uvc_descriptors.h"
 
 namespace lightstage::hil {
 

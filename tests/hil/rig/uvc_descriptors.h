@@ -4,7 +4,7 @@
 #include <array>
 #include <string_view>
 
-#include "tests/hil/rig/bytes.h"
+#include "hil/rig/bytes.h"
 
 namespace lightstage::hil {
 
@@ -28,7 +28,7 @@ struct UvcSize {
 constexpr std::array<UvcSize, 2> kUvcSizes{{{320, 240}, {160, 120}}};
 
 // Times between frames, in units of 100 ns: any from the shortest to the longest.
-constexpr std::uint32_t kShortestInterval = 50'000, kDefaultInterval = 333'333, kLongestInterval = 10'000'000;
+constexpr std::uint32_t kShortestInterval = 333'333, kDefaultInterval = 333'333, kLongestInterval = 10'000'000;
 
 constexpr std::uint8_t kControlInterface = 0, kStreamingInterface = 1, kVideoEndpoint = 1;
 constexpr std::uint8_t kCameraTerminal = 1, kProcessingUnit = 2;

@@ -2,7 +2,8 @@
 #include <catch2/catch.hpp>
 
 #include "capture/usb_leds.h"
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
+#include "hil/scenarios/wait.h"
 
 namespace lightstage::hil {
 

@@ -1,4 +1,4 @@
-#include "tests/hil/scenarios/emulated_rig.h"
+#include "hil/scenarios/emulated_rig.h"
 
 #include <fcntl.h>
 #include <signal.h>
@@ -12,6 +12,7 @@
 
 #include "capture/gpio_lines.h"
 #include "capture/v4l2_cameras.h"
+#include "hil/scenarios/wait.h"
 
 namespace lightstage::hil {
 

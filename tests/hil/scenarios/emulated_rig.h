@@ -42,18 +42,6 @@ class EmulatedRig {
   std::string received_;
 };
 
-// Waits until `condition` holds; false when it did not within `limit`.
-template <typename Condition>
-bool holds_within(core::Nanoseconds limit, const Condition& condition) {
-  core::SystemClock clock;
-  const core::Nanoseconds deadline = clock.now() + limit;
-  while (!condition()) {
-    if (clock.now() >= deadline) return false;
-    clock.sleep_until(clock.now() + 10 * core::kMillisecond);
-  }
-  return true;
-}
-
 // Where logs and summaries go: $LIGHTSTAGE_HIL_OUT. Throws std::runtime_error where it is not set: these tests need the virtual
 // machine that tests/hil/run starts.
 std::filesystem::path output_folder();

@@ -1,8 +1,8 @@
 // What goes wrong with single frames and writes: nothing wrong may be stored, and what was lost is taken again.
 #include <catch2/catch.hpp>
 
-#include "tests/hil/scenarios/kernel_module.h"
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/kernel_module.h"
+#include "hil/scenarios/scenario.h"
 
 namespace lightstage::hil {
 

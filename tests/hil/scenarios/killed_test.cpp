@@ -3,44 +3,71 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <catch2/catch.hpp>
+#include <cstdlib>
 
 #include "capture/hardware_rig.h"
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
+#include "hil/scenarios/wait.h"
 
 namespace lightstage::hil {
 
 namespace {
 
-constexpr const char* kVictimStore = "LIGHTSTAGE_HIL_VICTIM_STORE";
-
 capture::Stage victims_stage() {
   return make_rig_stage({.lights = 60, .small_frames = true});
 }
 
-// This program again, running only the test case below.
-pid_t start_victim() {
-  const pid_t process = fork();
-  if (process == 0) {
-    execl("/proc/self/exe", "hil_scenarios", "the process that is killed", nullptr);
-    _exit(127);
-  }
-  return process;
-}
-
-}  // namespace
-
-// Not a test: what the next one starts and kills.
-TEST_CASE("the process that is killed", "[.victim]") {
-  const char* folder = std::getenv(kVictimStore);
-  REQUIRE(folder != nullptr);
+// What the victim does: everything that a capturing program does.
+void take_pass(const std::filesystem::path& folder) {
   db::Store store = db::Store::open(folder);
   core::SystemClock clock;
   const capture::Stage stage = victims_stage();
   capture::HardwareRig hardware(stage, clock);
   capture::run_session(store, store.scan("pass"), make_rig_sequence(stage), hardware.rig());
-  FAIL("it was not killed");
 }
+
+// Forked before there are any threads, because starting a program takes long in the virtual machine. It waits for the folder of
+// a store, and takes a pass into it.
+class Victim {
+ public:
+  static Victim& instance() {
+    static Victim victim;
+    return victim;
+  }
+
+  pid_t process() const { return process_; }
+  void start(const std::filesystem::path& folder) const {
+    REQUIRE(write(commands_[1], folder.c_str(), folder.string().size()) > 0);
+  }
+
+ private:
+  Victim() {
+    if (pipe(commands_.data()) != 0) std::abort();
+    process_ = fork();
+    if (process_ != 0) {
+      close(commands_[0]);
+      return;
+    }
+    close(commands_[1]);
+    std::array<char, 4096> folder{};
+    // Nothing to read: the tests are over.
+    if (read(commands_[0], folder.data(), folder.size() - 1) > 0) take_pass(folder.data());
+    _exit(0);
+  }
+
+  std::array<int, 2> commands_{};
+  pid_t process_ = -1;
+};
+
+struct ForkFirst : Catch::TestEventListenerBase {
+  using TestEventListenerBase::TestEventListenerBase;
+  void testRunStarting(const Catch::TestRunInfo&) override { Victim::instance(); }
+};
+CATCH_REGISTER_LISTENER(ForkFirst)
+
+}  // namespace
 
 TEST_CASE("after SIGKILL the lights go off within 500 ms, and the pass is resumed", "[rig][killed]") {
   Scenario scenario("killed");
@@ -49,20 +76,17 @@ TEST_CASE("after SIGKILL the lights go off within 500 ms, and the pass is resume
   const capture::Stage stage = victims_stage();
   const capture::Sequence sequence = make_rig_sequence(stage);
   scenario.add_scan(stage, sequence);
-  const test::EnvironmentVariable store(kVictimStore, scenario.store_folder());
 
-  const pid_t victim = start_victim();
-  REQUIRE(victim > 0);
+  const db::Id scan = scenario.store().scan("pass").id;
+  const Victim& victim = Victim::instance();
+  victim.start(scenario.store_folder());
   // In the middle, with a light on.
-  const auto in_the_middle = [&] {
-    const nlohmann::json state = rig.state();
-    return state["exposures"] >= 60 && state["lit"] > 0;
-  };
+  const auto in_the_middle = [&] { return scenario.store().frames(scan).size() >= 40 && rig.state()["lit"] > 0; };
   const bool began = holds_within(60 * core::kSecond, in_the_middle);
   const core::Nanoseconds killed = clock.now();
-  kill(victim, SIGKILL);
+  kill(victim.process(), SIGKILL);
   int status = 0;
-  waitpid(victim, &status, 0);
+  waitpid(victim.process(), &status, 0);
   REQUIRE(began);
   REQUIRE((WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL));
   scenario.report().add_fault();

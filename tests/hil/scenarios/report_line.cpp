@@ -1,9 +1,9 @@
-#include "tests/hil/scenarios/report_line.h"
+#include "hil/scenarios/report_line.h"
 
 #include <cstdio>
 #include <fstream>
 
-#include "tests/hil/scenarios/emulated_rig.h"
+#include "hil/scenarios/emulated_rig.h"
 
 namespace lightstage::hil {
 

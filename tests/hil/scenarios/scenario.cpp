@@ -1,4 +1,4 @@
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
 
 #include <cmath>
 #include <map>
@@ -6,8 +6,8 @@
 #include <catch2/catch.hpp>
 
 #include "capture/hardware_rig.h"
-#include "tests/hil/rig/scene.h"
-#include "tests/hil/scenarios/timed_rig.h"
+#include "hil/rig/scene.h"
+#include "hil/scenarios/timed_rig.h"
 
 namespace lightstage::hil {
 

@@ -10,9 +10,9 @@
 #include "capture/stage.h"
 #include "core/clock.h"
 #include "db/store.h"
-#include "tests/hil/scenarios/emulated_rig.h"
-#include "tests/hil/scenarios/report_line.h"
-#include "tests/support/support.h"
+#include "hil/scenarios/emulated_rig.h"
+#include "hil/scenarios/report_line.h"
+#include "support/support.h"
 
 namespace lightstage::hil {
 

@@ -1,4 +1,4 @@
-#include "tests/hil/scenarios/timed_rig.h"
+#include "hil/scenarios/timed_rig.h"
 
 namespace lightstage::hil {
 

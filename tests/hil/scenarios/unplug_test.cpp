@@ -2,7 +2,7 @@
 #include <catch2/catch.hpp>
 
 #include "core/error.h"
-#include "tests/hil/scenarios/scenario.h"
+#include "hil/scenarios/scenario.h"
 
 namespace lightstage::hil {
 
@@ -25,7 +25,8 @@ void run_with(const std::string& name, std::initializer_list<const char*> faults
 }  // namespace
 
 TEST_CASE("the LED controller is unplugged in the middle of a transfer and plugged in again", "[rig][unplug]") {
-  run_with("led_unplugged", {"at request 12 unplug led 300", "at request 30 unplug led 50"});
+  run_with("led_unplugged",
+           {"at exposure 8 cut led 300", "at exposure 15 cut led 50", "at exposure 22 unplug led 300"});
 }
 
 TEST_CASE("a camera is unplugged in the middle of an exposure and plugged in again", "[rig][unplug]") {
@@ -37,7 +38,7 @@ TEST_CASE("the GPIO chip comes back under another number", "[rig][unplug]") {
 }
 
 TEST_CASE("a controller that is mute or stalls for a while", "[rig][unplug]") {
-  run_with("led_mute", {"at request 9 mute led 1", "at request 20 mute led 12", "at request 60 stall led 1"});
+  run_with("led_mute", {"at exposure 5 mute led 1", "at exposure 10 mute led 12", "at exposure 15 stall led 1"});
 }
 
 TEST_CASE("a controller that stays mute ends the pass, goes dark by itself, and the pass can be resumed",

@@ -1,4 +1,4 @@
-#include "tests/hil/scenarios/vivid.h"
+#include "hil/scenarios/vivid.h"
 
 #include <fcntl.h>
 #include <linux/videodev2.h>

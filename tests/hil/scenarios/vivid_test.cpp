@@ -6,8 +6,8 @@
 
 #include "capture/v4l2_cameras.h"
 #include "core/error.h"
-#include "tests/hil/scenarios/report_line.h"
-#include "tests/hil/scenarios/vivid.h"
+#include "hil/scenarios/report_line.h"
+#include "hil/scenarios/vivid.h"
 
 namespace lightstage::hil {
 
