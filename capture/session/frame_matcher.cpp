@@ -91,42 +91,63 @@ std::optional<core::Nanoseconds> StampLine::next_stamp(core::Nanoseconds time) c
   return *start + periods * period_;
 }
 
-FreeRunMatcher::FreeRunMatcher(Latency latency, core::Nanoseconds period, core::Nanoseconds tolerance)
-    : latency_{latency.least - tolerance, latency.most + tolerance}, tolerance_(tolerance), line_(period) {}
+void FreeRunMatcher::change(core::Nanoseconds begin, core::Nanoseconds exposure, Latency latency,
+                            core::Nanoseconds tolerance) {
+  kinds_.push_back({begin, exposure, {latency.least - tolerance, latency.most + tolerance}, tolerance});
+  lines_.try_emplace(exposure, period_);
+}
 
 void FreeRunMatcher::lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start) {
-  windows_.push_back({step, first_start, last_start});
+  windows_.push_back({step, first_start, last_start, kinds_.size() - 1});
+}
+
+// The kind in whose time the exposure began, whenever within its latency that was; nothing while one kind follows another.
+std::optional<std::size_t> FreeRunMatcher::kind_of(const CameraFrame& frame) const {
+  for (std::size_t i = kinds_.size(); i-- > 0;) {
+    if (frame.timestamp - kinds_[i].latency.most >= kinds_[i].begin) return i;
+    if (frame.timestamp - kinds_[i].latency.least >= kinds_[i].begin - 2 * period_) return std::nullopt;
+  }
+  return std::nullopt;
 }
 
 void FreeRunMatcher::add(CameraFrame frame) {
   const bool repeated = last_number_ && frame.sequence_number <= *last_number_;
   if (repeated || frame.damaged) return;
   last_number_ = frame.sequence_number;
-  const std::optional<core::Nanoseconds> off_line = line_.note(frame);
-  if (off_line && *off_line <= tolerance_) certain_in_line_.push_back(std::move(frame));
+  const std::optional<std::size_t> kind = kind_of(frame);
+  if (!kind) return;
+  const std::optional<core::Nanoseconds> off_line = lines_.at(kinds_[*kind].exposure).note(frame);
+  if (off_line && *off_line <= kinds_[*kind].tolerance) frames_.push_back({std::move(frame), *kind});
 }
 
 std::optional<core::Nanoseconds> FreeRunMatcher::next_start(core::Nanoseconds time) const {
-  const std::optional<core::Nanoseconds> stamp = line_.next_stamp(time + latency_.most);
+  const Kind& kind = kinds_.back();
+  const std::optional<core::Nanoseconds> stamp = lines_.at(kind.exposure).next_stamp(time + kind.latency.most);
   if (!stamp) return std::nullopt;
-  return *stamp + tolerance_ - latency_.least;  // stamps up to the tolerance after the line are taken
+  return *stamp + kind.tolerance - kind.latency.least;  // stamps up to the tolerance after the line are taken
 }
 
-std::vector<MatchedFrame> FreeRunMatcher::close() {
-  std::vector<MatchedFrame> matched;
-  for (const Window& window : windows_) {
-    const auto shows = [&](const CameraFrame& frame) {
-      return frame.timestamp - latency_.most >= window.first_start &&
-             frame.timestamp - latency_.least <= window.last_start;
+FreeRunMatcher::Closed FreeRunMatcher::close(core::Nanoseconds now) {
+  Closed closed;
+  while (!windows_.empty()) {
+    const Window& window = windows_.front();
+    const Kind& kind = kinds_[window.kind];
+    // One more exposure's stamp may be that late, and its frame still be under way.
+    if (window.last_start + kind.latency.most + period_ > now) break;
+    const auto shows = [&](const CertainInLine& f) {
+      return f.kind == window.kind && f.frame.timestamp - kind.latency.most >= window.first_start &&
+             f.frame.timestamp - kind.latency.least <= window.last_start;
     };
-    const auto frame = std::find_if(certain_in_line_.begin(), certain_in_line_.end(), shows);
-    if (frame == certain_in_line_.end()) continue;
-    matched.push_back({window.step, std::move(*frame)});
-    certain_in_line_.erase(frame);
+    const auto found = std::find_if(frames_.begin(), frames_.end(), shows);
+    if (found != frames_.end()) {
+      closed.matched.push_back({window.step, std::move(found->frame)});
+      // Frames come in the order of time: those before this one show nothing that is still to be closed.
+      frames_.erase(frames_.begin(), found + 1);
+    }
+    ++closed.steps;
+    windows_.pop_front();
   }
-  windows_.clear();
-  certain_in_line_.clear();
-  return matched;
+  return closed;
 }
 
 }  // namespace lightstage::capture

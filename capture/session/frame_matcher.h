@@ -77,31 +77,53 @@ class StampLine {
 // Frames of a camera that runs free.
 class FreeRunMatcher {
  public:
-  // Latency is widened by `tolerance` on both sides; a frame whose stamp is later than that after the line is not certain.
-  FreeRunMatcher(Latency latency, core::Nanoseconds period, core::Nanoseconds tolerance);
+  explicit FreeRunMatcher(core::Nanoseconds period) : period_(period) {}
 
-  // Exposures that begin within these times show this step alone.
+  // From `begin` on every exposure is of this length, with this latency of its stamps; until the one before has begun for the
+  // last time, frames belong to that. Latency is widened by `tolerance` on both sides; a frame whose stamp is later than that
+  // after the line of its kind is not certain.
+  void change(core::Nanoseconds begin, core::Nanoseconds exposure, Latency latency, core::Nanoseconds tolerance);
+
+  // Exposures that begin within these times show this step alone. Steps come in the order of time.
   void lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
   void add(CameraFrame frame);
 
+  // Whether enough frames of the present kind have come to know where the next exposures lie.
+  bool knows_next() const { return lines_.at(kinds_.back().exposure).next_stamp(0).has_value(); }
   // When the next exposure that begins at or after `time`, as far as can be known, will certainly have begun.
   std::optional<core::Nanoseconds> next_start(core::Nanoseconds time) const;
 
-  // The frames that are certain, as TriggeredMatcher::close: every start that the latency allows lies within one step's
-  // times. The first such frame of each step.
-  std::vector<MatchedFrame> close();
+  struct Closed {
+    std::size_t steps = 0;              // whose frames must all have come by now
+    std::vector<MatchedFrame> matched;  // the frames that are certain, in the order of steps, at most one for each
+  };
+  // Ends with the steps whose frames have come by `now`, if they ever do, and leaves the others for later. A frame is certain
+  // when every start that its latency allows lies within one step's times.
+  Closed close(core::Nanoseconds now);
 
  private:
+  struct Kind {
+    core::Nanoseconds begin = 0, exposure = 0;
+    Latency latency;  // widened
+    core::Nanoseconds tolerance = 0;
+  };
   struct Window {
     int step = 0;
     core::Nanoseconds first_start = 0, last_start = 0;
+    std::size_t kind = 0;
   };
-  Latency latency_;
-  core::Nanoseconds tolerance_;
-  StampLine line_;
+  struct CertainInLine {
+    CameraFrame frame;
+    std::size_t kind = 0;
+  };
+  std::optional<std::size_t> kind_of(const CameraFrame& frame) const;
+
+  core::Nanoseconds period_;
+  std::vector<Kind> kinds_;
+  std::map<core::Nanoseconds, StampLine> lines_;  // by exposure
   std::optional<std::int64_t> last_number_;
-  std::vector<Window> windows_;
-  std::vector<CameraFrame> certain_in_line_;
+  std::deque<Window> windows_;
+  std::deque<CertainInLine> frames_;
 };
 
 }  // namespace lightstage::capture

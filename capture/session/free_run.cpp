@@ -1,7 +1,6 @@
 #include "capture/session/free_run.h"
 
 #include "capture/session/latency.h"
-#include "capture/session/runs.h"
 #include "capture/session/witness.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -10,9 +9,9 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr std::size_t kLongestRun = 64;
 constexpr core::Nanoseconds kPoll = core::kMillisecond / 2;  // between looks for frames
-constexpr int kFramesForALine = 7;
+constexpr int kPatiencePeriods = 12;                         // in which the frames that a stamp line needs come
+constexpr std::size_t kStepsBetweenCloses = 16;
 
 class FreePass {
  public:
@@ -23,6 +22,7 @@ class FreePass {
     while (true) {
       const std::vector<const db::Step*> steps = pass_.unfinished();
       if (steps.empty()) return;
+      core::throw_if_interrupted();
       for (const db::Step* step : steps) {
         if (pass_.tries(*step) >= pass_.options().attempts) {
           pass_.give_up(*step, *pass_.cameras_without(*step).front(), trouble);
@@ -36,102 +36,106 @@ class FreePass {
         core::warn(trouble + "; the steps it cost are taken again");
         pass_.forget_cameras();
         references_.clear();
+        matchers_.clear();
       }
     }
   }
 
  private:
   void round(const std::vector<const db::Step*>& steps) {
-    std::vector<Witness> witnesses;
-    for (const Run& run : cut_into_runs(steps, kLongestRun)) {
-      core::throw_if_interrupted();
-      prepare(run.exposure);
-      if (witnesses.empty()) {
-        for (const CameraReference& camera : references_.at(run.exposure).cameras) witnesses.emplace_back(camera);
-      }
-      take(run, witnesses);
+    matchers_.clear();
+    witnesses_.clear();
+    exposure_.reset();
+    for (const db::Step* step : steps) measure(step->exposure_ns);
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
+      matchers_.emplace_back(pass_.feeds()[c].frame_period());
+      witnesses_.emplace_back(references_.begin()->second.cameras[c]);
     }
-    for (std::size_t c = 0; c < witnesses.size(); ++c) keep(c, witnesses[c].rest());
+    for (const db::Step* step : steps) {
+      if (core::interrupt_requested()) break;
+      set_exposure(step->exposure_ns);
+      take(*step);
+      if (++steps_since_close_ >= kStepsBetweenCloses) close();
+    }
+    // What is still under way comes, or not.
+    fetch_until(pass_.now() + latest_ + 2 * period_ + kPoll);
+    close();
+    for (std::size_t c = 0; c < witnesses_.size(); ++c) keep(c, witnesses_[c].rest());
   }
 
-  void prepare(core::Nanoseconds exposure) {
-    if (!references_.contains(exposure)) {
-      const core::Nanoseconds begin = pass_.now();
-      references_.emplace(exposure, measure_free_running(pass_, exposure));
-      pass_.report().preparation += pass_.now() - begin;
-    }
-    for (CameraFeed& feed : pass_.feeds()) {
+  void measure(core::Nanoseconds exposure) {
+    if (references_.contains(exposure)) return;
+    const core::Nanoseconds begin = pass_.now();
+    references_.emplace(exposure, measure_free_running(pass_, exposure));
+    pass_.report().preparation += pass_.now() - begin;
+  }
+
+  void set_exposure(core::Nanoseconds exposure) {
+    if (exposure_ == exposure) return;
+    exposure_ = exposure;
+    const Reference& reference = references_.at(exposure);
+    period_ = latest_ = in_doubt_ = 0;
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
+      CameraFeed& feed = pass_.feeds()[c];
       feed.set_exposing(Exposing::kFreeRunning);
       feed.set_exposure(exposure);
-    }
-  }
-
-  void take(const Run& run, std::vector<Witness>& witnesses) {
-    const Reference& reference = references_.at(run.exposure);
-    std::vector<FreeRunMatcher> matchers;
-    core::Nanoseconds period = 0, latest = 0, in_doubt = 0;
-    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
       const CameraReference& camera = reference.cameras[c];
-      matchers.emplace_back(camera.latency, pass_.feeds()[c].frame_period(), camera.tolerance);
-      period = std::max(period, pass_.feeds()[c].frame_period());
-      latest = std::max(latest, camera.latency.most + camera.tolerance);
-      in_doubt = std::max(in_doubt, camera.latency.range() + 3 * camera.tolerance);
+      period_ = std::max(period_, feed.frame_period());
+      latest_ = std::max(latest_, camera.latency.most + camera.tolerance);
+      in_doubt_ = std::max(in_doubt_, camera.latency.range() + 3 * camera.tolerance);
     }
-    // Exposures of the length set before run out, and the line of the new ones is found.
-    if (exposure_ != run.exposure) {
-      fetch_until(nullptr, pass_.now() + 2 * period + latest);
-      exposure_ = run.exposure;
+    // The exposure under way and perhaps the one after it are still of the length before.
+    const core::Nanoseconds begin = pass_.now() + 2 * period_;
+    for (std::size_t c = 0; c < matchers_.size(); ++c) {
+      matchers_[c].change(begin, exposure, reference.cameras[c].latency, reference.cameras[c].tolerance);
     }
-    fetch_until(&matchers, pass_.now() + kFramesForALine * period);
-
-    for (const db::Step* step : run.steps) {
-      if (core::interrupt_requested()) break;
-      pass_.begin_try(*step);
-      pass_.rig().lights.show(pass_.levels_of(*step));
-      const core::Nanoseconds lit = pass_.now() + pass_.sequence().settle;
-      fetch_until(&matchers, lit);
-      core::Nanoseconds last_start = lit + period + in_doubt;
-      bool known = true;
-      core::Nanoseconds soonest = lit;
-      for (const FreeRunMatcher& matcher : matchers) {
-        const std::optional<core::Nanoseconds> start = matcher.next_start(lit);
-        known = known && start.has_value();
-        if (start) soonest = std::max(soonest, *start);
-      }
-      if (known) last_start = std::min(last_start, soonest);
-      fetch_until(&matchers, last_start + run.exposure);
-      // As it turned out, which is not before the time planned.
-      const core::Nanoseconds off = pass_.now();
-      for (FreeRunMatcher& matcher : matchers) matcher.lit(step->step_index, lit, off - run.exposure);
-    }
-    pass_.check_lights();
-    fetch_until(&matchers, pass_.now() + latest + period);
-    for (std::size_t c = 0; c < matchers.size(); ++c) close(run, c, matchers[c], witnesses[c]);
+    fetch_until(begin);
+    const core::Nanoseconds patience = begin + latest_ + kPatiencePeriods * period_;
+    const auto known = [&] {
+      return std::all_of(matchers_.begin(), matchers_.end(), [](const auto& m) { return m.knows_next(); });
+    };
+    while (!known() && pass_.now() < patience) fetch_until(pass_.now() + kPoll);
   }
 
-  // Takes what comes until then; throws it away where there are no matchers.
-  void fetch_until(std::vector<FreeRunMatcher>* matchers, core::Nanoseconds time) {
+  void take(const db::Step& step) {
+    pass_.begin_try(step);
+    pass_.rig().lights.show(pass_.levels_of(step));
+    const core::Nanoseconds lit = pass_.now() + pass_.sequence().settle;
+    fetch_until(lit);
+    // Where nothing is known of the next exposures, one begins within a period, wherever they lie.
+    core::Nanoseconds last_start = lit;
+    for (const FreeRunMatcher& matcher : matchers_) {
+      last_start = std::max(last_start, matcher.next_start(lit).value_or(lit + period_ + in_doubt_));
+    }
+    last_start = std::min(last_start, lit + period_ + in_doubt_);
+    fetch_until(last_start + step.exposure_ns);
+    // As it turned out, which is not before the time planned.
+    const core::Nanoseconds off = pass_.now();
+    for (FreeRunMatcher& matcher : matchers_) matcher.lit(step.step_index, lit, off - step.exposure_ns);
+  }
+
+  void fetch_until(core::Nanoseconds time) {
     while (true) {
       for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
-        while (std::optional<CameraFrame> frame = pass_.feeds()[c].next(pass_.now())) {
-          if (matchers) (*matchers)[c].add(std::move(*frame));
-        }
+        while (std::optional<CameraFrame> frame = pass_.feeds()[c].next(pass_.now()))
+          matchers_[c].add(std::move(*frame));
       }
       if (pass_.now() >= time) return;
       pass_.rig().clock.sleep_until(std::min(time, pass_.now() + kPoll));
     }
   }
 
-  void close(const Run& run, std::size_t camera, FreeRunMatcher& matcher, Witness& witness) {
-    std::vector<MatchedFrame> matched = matcher.close();
-    std::size_t wanted = 0;
-    for (const db::Step* step : run.steps) {
-      if (pass_.tries(*step) > 0 && pass_.missing(*step, pass_.feeds()[camera])) ++wanted;
+  // Keeps what is certain of the steps whose frames must have come.
+  void close() {
+    pass_.check_lights();
+    steps_since_close_ = 0;
+    for (std::size_t c = 0; c < matchers_.size(); ++c) {
+      FreeRunMatcher::Closed closed = matchers_[c].close(pass_.now());
+      pass_.report().dropped += closed.steps - closed.matched.size();
+      Witness::Verdict verdict = witnesses_[c].hear(std::move(closed.matched), pass_.sequence().steps);
+      pass_.report().discarded += verdict.refused;
+      keep(c, std::move(verdict.admitted));
     }
-    pass_.report().dropped += wanted > matched.size() ? wanted - matched.size() : 0;
-    Witness::Verdict verdict = witness.hear(std::move(matched), pass_.sequence().steps);
-    pass_.report().discarded += verdict.refused;
-    keep(camera, std::move(verdict.admitted));
   }
 
   void keep(std::size_t camera, std::vector<MatchedFrame> frames) {
@@ -142,8 +146,14 @@ class FreePass {
 
   Pass& pass_;
   std::map<core::Nanoseconds, Reference> references_;  // by exposure
-  core::Nanoseconds exposure_ = 0;                     // that the cameras' frames have by now
   int failures_ = 0;
+
+  // Of the round.
+  std::vector<FreeRunMatcher> matchers_;  // by camera
+  std::vector<Witness> witnesses_;
+  std::size_t steps_since_close_ = 0;
+  std::optional<core::Nanoseconds> exposure_;
+  core::Nanoseconds period_ = 0, latest_ = 0, in_doubt_ = 0;  // of the slowest camera, at that exposure
 };
 
 }  // namespace

@@ -120,6 +120,7 @@ double mean_value(const core::Image& image) {
 Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
   struct Seen {
     std::vector<core::Nanoseconds> after_call, after_trigger;
+    core::Nanoseconds arrival = 0;
     Brightness sum;
     int dark = 0, full = 0;
     std::size_t bytes = 0;
@@ -142,6 +143,7 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
     for (std::size_t c = 0; c < feeds.size(); ++c) {
       const auto result = feeds[c].receive(called, called + exposure + pass.options().frame_timeout);
       if (!result.frame) continue;
+      seen[c].arrival = std::max(seen[c].arrival, pass.now() - called);
       seen[c].after_call.push_back(result.frame->timestamp - called);
       seen[c].after_trigger.push_back(result.frame->timestamp - triggered);
       (lit ? seen[c].sum.full : seen[c].sum.dark) += mean_value(result.frame->image);
@@ -161,6 +163,7 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
     camera.latency.least -= camera.tolerance;
     camera.latency.most += camera.tolerance;
     camera.brightness = {seen[c].sum.dark / seen[c].dark, seen[c].sum.full / seen[c].full};
+    camera.arrival = 3 * seen[c].arrival / 2 + camera.tolerance;
     camera.frame_bytes = seen[c].bytes;
     reference.cameras.push_back(camera);
   }
@@ -222,7 +225,7 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
       fail(feeds[c], "it does not see the lights (pictures with all of them on are no brighter than dark ones)");
     }
     camera.latency = best_latency(feeds[c], frames[c], switchings, camera.brightness, exposure);
-    camera.tolerance = kLeastTolerance + 2 * jitter(off_line[c]);
+    camera.tolerance = kLeastTolerance / 2 + jitter(off_line[c]);
     camera.frame_bytes = bytes[c];
     reference.cameras.push_back(camera);
   }

@@ -14,6 +14,7 @@ struct Brightness {
 struct CameraReference {
   Latency latency;
   core::Nanoseconds tolerance = 0;  // by how much stamps may lie outside without a reason to doubt them
+  core::Nanoseconds arrival = 0;    // frames have come so long after their trigger, with time to spare
   Brightness brightness;
   std::size_t frame_bytes = 0;
 };

@@ -95,7 +95,7 @@ class PipelinedPass {
       settle_from(*lit);
       pass_.rig().clock.sleep_until(called + pace);
     }
-    wait_for_frames(matchers, run.exposure);
+    wait_for_frames(matchers, reference);
     pass_.check_lights();
     for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c], mixed);
   }
@@ -112,9 +112,11 @@ class PipelinedPass {
     }
   }
 
-  void wait_for_frames(std::vector<TriggeredMatcher>& matchers, core::Nanoseconds exposure) {
-    const core::Nanoseconds deadline = pass_.now() + exposure + pass_.options().frame_timeout;
+  // Frames that come later than any that was measured are not matched anyway.
+  void wait_for_frames(std::vector<TriggeredMatcher>& matchers, const Reference& reference) {
+    const core::Nanoseconds last_trigger = pass_.now();
     for (std::size_t c = 0; c < matchers.size(); ++c) {
+      const core::Nanoseconds deadline = last_trigger + reference.cameras[c].arrival;
       while (matchers[c].outstanding() > 0) {
         std::optional<CameraFrame> frame = pass_.feeds()[c].next(deadline);
         if (!frame) break;

@@ -20,7 +20,7 @@ TEST_CASE("on the simulated stage every mode keeps right frames only, with and w
     CHECK(row.wrong == 0);
     CHECK_FALSE(row.lights_left);
     CHECK(row.report.stored == row.report.steps * 2);
-    CHECK((row.report.retaken > 0) == (drop_probability > 0));
+    if (drop_probability > 0) CHECK(row.report.retaken > 0);
   }
   CHECK(rows[1].steps_per_s > rows[0].steps_per_s);
 }
