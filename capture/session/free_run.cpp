@@ -70,8 +70,20 @@ class FreePass {
     pass_.report().preparation += pass_.now() - begin;
   }
 
+  // So long that the last frame of one exposure cannot be taken for the first of the other by its stamp.
+  void wait_for_change(core::Nanoseconds from, core::Nanoseconds to) {
+    core::Nanoseconds wait = 0;
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
+      const CameraReference &before = references_.at(from).cameras[c], &after = references_.at(to).cameras[c];
+      const core::Nanoseconds later = before.latency.most + before.tolerance - (after.latency.least - after.tolerance);
+      wait = std::max(wait, later - from);
+    }
+    fetch_until(pass_.now() + wait);
+  }
+
   void set_exposure(core::Nanoseconds exposure) {
     if (exposure_ == exposure) return;
+    if (exposure_) wait_for_change(*exposure_, exposure);
     exposure_ = exposure;
     const Reference& reference = references_.at(exposure);
     period_ = latest_ = in_doubt_ = 0;
