@@ -86,7 +86,8 @@ std::vector<model::InterpolatorFactory> factories(const std::vector<MethodChoice
 bool may_have_seen(const ordered_json& provenance, int every) {
   if (!provenance.is_object()) return true;
   const auto started_from = provenance.find("start_from");
-  if (started_from != provenance.end() && !started_from->is_null()) {
+  const bool from_scratch = started_from == provenance.end() || started_from->is_null() || *started_from == "";
+  if (!from_scratch) {
     if (!started_from->is_object() || may_have_seen(started_from->value("provenance", ordered_json()), every))
       return true;
   }

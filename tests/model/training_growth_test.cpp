@@ -232,8 +232,9 @@ TEST_CASE("the sharpness follows its own rate, and can be frozen") {
   const auto change = [&](double rate) {
     model::TrainOptions options = short_run(4);
     options.sharpness_rate = rate;
-    train(scan, options, folder / "net");
-    const double end = numbers_of(folder / "net.last.safetensors").at("log_sharpness").at(0);
+    const std::string name = "rate" + std::to_string(rate);
+    train(scan, options, folder / name);
+    const double end = numbers_of(folder / (name + ".last.safetensors")).at("log_sharpness").at(0);
     return std::abs(end - std::log(options.config.sharpness));
   };
   const double full = change(1), tenth = change(0.1);
