@@ -185,27 +185,33 @@ void capture_scan(const Options& options, Context& context) {
                         {"stage_seconds", double(report.duration) / core::kSecond}});
 }
 
-void add_simulation_options(CLI::App& command, CLI::Option* sim, CaptureRequest& request) {
-  const auto simulated = [sim](CLI::Option* option) {
-    return option->needs(sim)->group("Simulated stage (with --sim)");
-  };
-  sim->group("Simulated stage (with --sim)");
-  simulated(command.add_option("--procedural", request.procedural_seed, "Subject: a procedural head, by seed"));
-  simulated(command.add_option("--mesh", request.mesh, "Subject: a mesh file (PLY, OBJ, glTF)"));
-  simulated(command.add_option("--ball-radius", request.ball_radius_mm, "Radius of the ball, millimetres"))
-      ->capture_default_str()
-      ->check(number_between(5.0, 500.0));
-  simulated(command.add_option("--yaw", request.yaw_degrees, "Turn the subject, degrees"))->capture_default_str();
-  simulated(command.add_option("--size", request.size, "Picture width and height, pixels [the stage file's]"))
-      ->check(CLI::Range(16, 16384));
-  simulated(command.add_flag("--no-noise", request.no_noise, "A sensor without noise and quantisation"));
-  simulated(command.add_flag("--no-motion", request.no_motion, "A subject that stands still"));
-  simulated(command.add_flag("--bounce", request.bounce, "One bounce of indirect light"));
-  simulated(command.add_option("--seed", request.seed, "Seed of noise, motion and faults"))
-      ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
-  simulated(
-      command.add_option("--drop", request.drop, "Lose the frame of the n-th exposure (from 0), to see it retaken"));
+// Returns the options.
+std::vector<CLI::Option*> add_simulation_options(CLI::App& command, CaptureRequest& request) {
+  std::vector<CLI::Option*> options{
+      command.add_option("--procedural", request.procedural_seed, "Subject: a procedural head, by seed"),
+      command.add_option("--mesh", request.mesh, "Subject: a mesh file (PLY, OBJ, glTF)"),
+      command.add_option("--ball-radius", request.ball_radius_mm, "Radius of the ball, millimetres")
+          ->capture_default_str()
+          ->check(number_between(5.0, 500.0)),
+      command.add_option("--yaw", request.yaw_degrees, "Turn the subject, degrees")->capture_default_str(),
+      command.add_option("--size", request.size, "Picture width and height, pixels [the stage file's]")
+          ->check(CLI::Range(16, 16384)),
+      command.add_flag("--no-noise", request.no_noise, "A sensor without noise and quantisation"),
+      command.add_flag("--no-motion", request.no_motion, "A subject that stands still"),
+      command.add_flag("--bounce", request.bounce, "One bounce of indirect light"),
+      command.add_option("--seed", request.seed, "Seed of noise, motion and faults")
+          ->capture_default_str()
+          ->check(CLI::NonNegativeNumber),
+      command.add_option("--drop", request.drop, "Lose the frame of the n-th exposure (from 0), to see it retaken")};
+  for (CLI::Option* option : options) option->group("Simulated stage");
+  return options;
+}
+
+// Throws UsageError where one of the options was given.
+void refuse_any(const std::vector<CLI::Option*>& options, const std::string& why) {
+  for (const CLI::Option* option : options) {
+    if (option->count() > 0) throw core::UsageError(option->get_name() + ": " + why);
+  }
 }
 
 }  // namespace
@@ -256,15 +262,17 @@ void add_capture(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 100000));
   command->add_flag("--tev{127.0.0.1:14158}", options->tev,
                     "Show previews in the tev viewer that listens here, or at --tev=HOST:PORT");
-  CLI::Option* resume =
-      command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name, as it was begun");
-  CLI::Option* sim = command->add_flag("--sim", request.simulate, "Capture on the simulated stage");
-  add_simulation_options(*command, sim, request);
-  for (const char* other : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
-                            "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
-    resume->excludes(command->get_option(other));
+  command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name, as it was begun");
+  command->add_flag("--sim", request.simulate, "Capture on the simulated stage")->group("Simulated stage");
+  const std::vector<CLI::Option*> simulated = add_simulation_options(*command, request);
+  std::vector<CLI::Option*> new_ones = simulated;
+  for (const char* name : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
+                           "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
+    new_ones.push_back(command->get_option(name));
   }
-  command->callback([options, &context] {
+  command->callback([options, &context, simulated, new_ones] {
+    if (options->resume) refuse_any(new_ones, "--resume goes on with a scan as it was begun; leave this out");
+    if (!options->request.simulate) refuse_any(simulated, "is for simulated stages; add --sim, or leave it out");
     if (options->dry_run) {
       dry_run(*options, context);
     } else {
