@@ -151,7 +151,7 @@ void UvcCamera::end_exposure() {
 }
 
 Bytes UvcCamera::picture(const Levels& levels, Nanoseconds exposed) const {
-  const auto [width, height] = size();
+  const int width = size().width, height = size().height;
   const int bytes = format().bits / 8;
   const double scale = static_cast<double>(exposed) / kFullScaleExposure * settings_.gain / kUnityGain;
   const PixelLayout layout = format().layout;
@@ -246,7 +246,7 @@ Bytes UvcCamera::probe() const {
 void UvcCamera::set_probe(ByteView data) {
   settings_.format = std::clamp<std::uint8_t>(data[2], 1, kUvcFormats.size());
   settings_.size = std::clamp<std::uint8_t>(data[3], 1, kUvcSizes.size());
-  settings_.interval = std::clamp(number(data.subspan(4), 4), kShortestInterval, kLongestInterval);
+  settings_.interval = std::clamp(number(data.subspan(4), 4), size().shortest_interval, kLongestInterval);
 }
 
 std::optional<Bytes> UvcCamera::streaming_in(const Setup& setup) const {

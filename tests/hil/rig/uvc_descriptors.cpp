@@ -40,7 +40,7 @@ Bytes frame_descriptor(std::uint8_t index, const UvcFormat& format, const UvcSiz
   append(d, frame_bytes(format, size), 4);
   append(d, kDefaultInterval, 4);
   d.push_back(0);  // any interval between
-  append(d, kShortestInterval, 4);
+  append(d, size.shortest_interval, 4);
   append(d, kLongestInterval, 4);
   append(d, 1, 4);
   return d;

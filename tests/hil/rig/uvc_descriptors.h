@@ -22,13 +22,13 @@ constexpr std::array<UvcFormat, 5> kUvcFormats{{{"Y800", PixelLayout::kGrey8, 8}
                                                 {"YUY2", PixelLayout::kYuyv, 16},
                                                 {"MJPG", PixelLayout::kJpeg, 16}}};
 
+// Times between frames are in units of 100 ns.
 struct UvcSize {
   int width = 0, height = 0;
+  std::uint32_t shortest_interval = 0;  // any from this to kLongestInterval
 };
-constexpr std::array<UvcSize, 2> kUvcSizes{{{320, 240}, {160, 120}}};
-
-// Times between frames, in units of 100 ns: any from the shortest to the longest.
-constexpr std::uint32_t kShortestInterval = 333'333, kDefaultInterval = 333'333, kLongestInterval = 10'000'000;
+constexpr std::array<UvcSize, 2> kUvcSizes{{{320, 240, 333'333}, {160, 120, 100'000}}};
+constexpr std::uint32_t kDefaultInterval = 333'333, kLongestInterval = 10'000'000;
 
 constexpr std::uint8_t kControlInterface = 0, kStreamingInterface = 1, kVideoEndpoint = 1;
 constexpr std::uint8_t kCameraTerminal = 1, kProcessingUnit = 2;

@@ -106,6 +106,7 @@ capture::Stage make_rig_stage(const RigStage& options) {
     stage.hardware.trigger->lines.resize(stage.cameras.size());
     if (options.common_trigger) stage.hardware.trigger->lines = {"4"};
   }
+  if (options.strobe) stage.hardware.strobe = capture::StrobeSpec{"cp2112_gpio", "6"};
   // Through the file that a lab would write.
   return capture::parse_stage(capture::to_toml(stage), "emulated.toml");
 }
@@ -161,11 +162,17 @@ capture::SessionReport Scenario::capture(const capture::Stage& stage, const capt
                                          const capture::SessionOptions& options) {
   if (!store_.find_scan("pass")) add_scan(stage, sequence);
   capture::HardwareRig hardware(stage, clock_);
-  TimedRig timed(hardware.rig());
   const capture::SessionReport report =
-      capture::run_session(store_, store_.scan("pass"), sequence, timed.rig(), options);
-  trigger_to_frame_ms_ = timed.mean_latency_ms();
+      capture::run_session(store_, store_.scan("pass"), sequence, hardware.rig(), options);
   report_.add_retaken(report.retaken);
+  return report;
+}
+
+capture::SessionReport Scenario::dry_run(const capture::Stage& stage, const capture::Sequence& sequence) {
+  capture::HardwareRig hardware(stage, clock_);
+  TimedRig timed(hardware.rig());
+  const capture::SessionReport report = capture::dry_run(sequence, timed.rig());
+  trigger_to_frame_ms_ = timed.mean_latency_ms();
   return report;
 }
 

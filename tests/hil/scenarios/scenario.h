@@ -21,6 +21,7 @@ struct RigStage {
   std::vector<std::string> pixel_formats = {"Y16", "GREY"};  // of each camera
   bool small_frames = false;                                 // 160 x 120 pixels, which are faster; else 320 x 240
   bool common_trigger = false;                               // one line for all cameras; else one each
+  bool strobe = false;                                       // camera 0's is heard on a GPIO line
   bool free_running = false;
   bool dmx = false;  // the lights hang on the DMX widget; else on the LED controller
 };
@@ -60,7 +61,10 @@ class Scenario {
   capture::SessionReport capture(const capture::Stage& stage, const capture::Sequence& sequence,
                                  const capture::SessionOptions& options = {});
 
-  // Mean time from a trigger to its frame in the last capture(); of passes that lost nothing.
+  // The same pass with nothing stored: how fast the devices go.
+  capture::SessionReport dry_run(const capture::Stage& stage, const capture::Sequence& sequence);
+
+  // Mean time from a trigger to its frame in the last dry_run(); of passes that lost nothing.
   double trigger_to_frame_ms() const { return trigger_to_frame_ms_; }
 
   // Every frame is there and shows its step's light alone; every fault happened; no light is on.
