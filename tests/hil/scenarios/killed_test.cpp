@@ -80,7 +80,10 @@ TEST_CASE("after SIGKILL the lights go off within 500 ms, and the pass is resume
   const Victim& victim = Victim::instance();
   victim.start(scenario.store_folder());
   // In the middle, with a light on.
-  const auto in_the_middle = [&] { return scenario.store().frames(scan).size() >= 40 && rig.state()["lit"] > 0; };
+  const auto in_the_middle = [&] {
+    const nlohmann::json state = rig.state();
+    return state["exposures"] >= 150 && state["lit"] > 0;
+  };
   const bool began = holds_within(60 * core::kSecond, in_the_middle);
   const core::Nanoseconds killed = clock.now();
   kill(victim.process(), SIGKILL);
