@@ -32,6 +32,8 @@ class PatternPlayer {
   // Lights pattern `first` of those loaded. Every strobe pulse from now on lights the next one, `delay` after it ends (by
   // so much other cameras' exposures may end later); after the last all lights are off.
   virtual void arm(std::size_t first, core::Nanoseconds delay) = 0;
+  // The pattern that is lit now, as the controller says at this moment; one past the last when all lights are off after it.
+  virtual std::size_t position() = 0;
   // Waits until pattern `index` has been reached, at most until `deadline` on the session's clock. Returns a time at
   // which it was certainly lit already (all lights off, when `index` is one past the last pattern); nothing when it was
   // not reached.

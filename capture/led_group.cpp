@@ -94,6 +94,17 @@ class LedGroup final : public LedController, public PatternPlayer {
     for_each_member(members_.size(), [&](std::size_t i) { player_of(i).arm(first, delay); });
   }
 
+  std::size_t position() override {
+    std::vector<std::size_t> positions(members_.size(), 0);
+    for_each_member(members_.size(), [&](std::size_t i) { positions[i] = player_of(i).position(); });
+    for (std::size_t i = 1; i < positions.size(); ++i) {
+      if (positions[i] == positions[0]) continue;
+      throw core::DeviceError("LED controllers " + members_[0].name + " and " + members_[i].name +
+                              " are at different patterns: look at the strobe's wires");
+    }
+    return positions.at(0);
+  }
+
   std::optional<core::Nanoseconds> wait_for_pattern(std::size_t index, core::Nanoseconds deadline) override {
     std::optional<core::Nanoseconds> last;
     bool reached = true;

@@ -270,7 +270,7 @@ struct ProtocolLeds::Impl {
       }
       try {
         keep_alive();
-      } catch (const core::DeviceError& error) {
+      } catch (const std::exception& error) {  // nothing may leave the thread
         trouble = error.what();
       }
     }
@@ -321,7 +321,7 @@ ProtocolLeds::~ProtocolLeds() {
   if (!impl_->ready) return;  // it goes dark by itself
   try {
     impl_->exchange(Off{}, 1);
-  } catch (const core::Error&) {  // it goes dark by itself
+  } catch (...) {  // it goes dark by itself
   }
 }
 
@@ -400,6 +400,18 @@ void ProtocolLeds::arm(std::size_t first, core::Nanoseconds delay) {
   impl_->reached.clear();
   impl_->armed = true;
   impl_->reach(ack.position);
+}
+
+std::size_t ProtocolLeds::position() {
+  const std::lock_guard lock(impl_->mutex);
+  impl_->throw_trouble();
+  if (!impl_->armed) impl_->fail("it is not armed");
+  const Ack ack = impl_->obeyed(KeepAlive{});
+  impl_->reported_faults |= ack.faults;
+  impl_->throw_trouble();
+  if (ack.position == kNoPosition) impl_->fail("it has forgotten the sequence that it was stepping through");
+  impl_->reach(ack.position);
+  return ack.position;
 }
 
 std::optional<core::Nanoseconds> ProtocolLeds::wait_for_pattern(std::size_t index, core::Nanoseconds deadline) {

@@ -52,6 +52,7 @@ class ProtocolLeds : public LedController, public PatternPlayer {
   void load(std::span<const std::vector<LightLevel>> patterns) override;
   // Delays are rounded up to 10 us; at most 0.65 s (DeviceError).
   void arm(std::size_t first, core::Nanoseconds delay) override;
+  std::size_t position() override;
   // The time is that of receipt. When no event came until the deadline the controller is asked once where it stands, so that a
   // lost event costs time and nothing else; a controller that is mute then throws.
   std::optional<core::Nanoseconds> wait_for_pattern(std::size_t index, core::Nanoseconds deadline) override;

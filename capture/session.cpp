@@ -1,6 +1,7 @@
 #include "capture/session.h"
 
 #include <map>
+#include <set>
 
 #include "capture/session/free_run.h"
 #include "capture/session/lights_off.h"
@@ -18,25 +19,6 @@ std::string joined(const std::vector<std::string>& names) {
   std::string text;
   for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
   return text.empty() ? "(none)" : text;
-}
-
-// Before anything is lit.
-void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig, const SessionOptions& options) {
-  const auto fail = [&](const std::string& problem) {
-    throw core::UsageError("cannot capture " + what + ": " + problem);
-  };
-  if (options.attempts < 1) fail("at least one attempt a frame is needed");
-  const std::string timing(to_string(sequence.timing));
-  if (sequence.timing != Timing::kFreeRun && !rig.trigger) {
-    fail("timing " + timing + " needs a trigger; give the stage file one, or take free_run");
-  }
-  if (sequence.timing == Timing::kPipelined && !rig.lights.player()) {
-    fail("timing pipelined needs LED controllers that hold a sequence; take lockstep");
-  }
-  for (const db::Step& step : sequence.steps) {
-    levels(step, rig.lights.light_count());  // throws for a light that the rig does not have
-    if (step.exposure_ns <= 0) fail(describe(step) + " has no exposure");
-  }
 }
 
 void check(const db::Scan& scan, const Sequence& sequence, const Rig& rig, const SessionOptions& options) {
@@ -76,6 +58,29 @@ SessionReport take_all(const std::string& name, const Sequence& sequence, const 
 }
 
 }  // namespace
+
+void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig, const SessionOptions& options) {
+  const auto fail = [&](const std::string& problem) {
+    throw core::UsageError("cannot capture " + what + ": " + problem);
+  };
+  if (options.attempts < 1) fail("at least one attempt a frame is needed");
+  const std::string timing(to_string(sequence.timing));
+  if (sequence.timing != Timing::kFreeRun && !rig.trigger) {
+    fail("timing " + timing + " needs a trigger; give the stage file one, or take free_run");
+  }
+  if (sequence.timing == Timing::kPipelined && !rig.lights.player()) {
+    fail("timing pipelined needs LED controllers that hold a sequence; take lockstep");
+  }
+  for (const db::Step& step : sequence.steps) {
+    levels(step, rig.lights.light_count());  // throws for a light that the rig does not have
+    if (step.exposure_ns <= 0) fail(describe(step) + " has no exposure");
+  }
+  std::set<core::Nanoseconds> exposures;
+  for (const db::Step& step : sequence.steps) exposures.insert(step.exposure_ns);
+  for (Camera* camera : rig.cameras) {
+    for (const core::Nanoseconds exposure : exposures) camera->set_exposure(exposure);
+  }
+}
 
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options) {

@@ -41,6 +41,10 @@ struct SessionReport {
   core::Nanoseconds preparation = 0;  // of that, for measuring the cameras' time stamps (fast modes)
 };
 
+// That this rig can take this sequence: its timing mode, its lights, and every exposure, which is set on every camera once.
+// Lights nothing. Throws UsageError, BadInput and DeviceError as run_session; `what` names the pass in messages.
+void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig, const SessionOptions& options = {});
+
 // Takes every frame of `scan` that the store does not hold yet, in the sequence's timing mode. A frame is stored only when
 // it certainly shows its step's light; what is lost or uncertain is taken again. A DeviceError of any device costs a try.
 // In modes lockstep and pipelined the devices are triggered; what pipelined loses is taken again in lockstep.

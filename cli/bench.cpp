@@ -103,29 +103,35 @@ void run_bench_capture(const CaptureOptions& options, Context& context) {
     cells.push_back({std::string(to_string(row.timing)), fixed(row.steps_per_s, 1), fixed(ratio, 2),
                      fixed(preparation_s, 2), fixed(duration_s, 2), std::to_string(row.report.retaken),
                      std::to_string(row.wrong), row.lights_left ? "yes" : "no"});
-    modes.push_back({{"timing", to_string(row.timing)},
-                     {"steps_per_s", row.steps_per_s},
-                     {"ratio_to_lockstep", ratio},
-                     {"preparation_s", preparation_s},
-                     {"pass_s", duration_s},
-                     {"steps", row.report.steps},
-                     {"frames", row.report.stored},
-                     {"retaken", row.report.retaken},
-                     {"dropped", row.report.dropped},
-                     {"discarded", row.report.discarded},
-                     {"wrong", row.wrong},
-                     {"lights_left_on", row.lights_left}});
+    modes.push_back(
+        {{"timing", to_string(row.timing)},
+         {"steps_per_s", row.steps_per_s},
+         {"ratio_to_lockstep", ratio},
+         {"preparation_s", preparation_s},
+         {"pass_s", duration_s},
+         {"steps", row.report.steps},
+         {"frames", row.report.stored},
+         {"retaken", row.report.retaken},
+         {"dropped", row.report.dropped},
+         {"discarded", row.report.discarded},
+         {"wrong", row.wrong},
+         {"lights_left_on", row.lights_left},
+         {"problem", row.problem.empty() ? nlohmann::ordered_json() : nlohmann::ordered_json(row.problem)}});
   }
-  context.result(table(cells), {{"lights", options.lights},
-                                {"cameras", options.cameras},
-                                {"exposure_ms", options.exposure_ms},
-                                {"settle_ms", options.settle_ms},
-                                {"command_ms", options.command_ms},
-                                {"transfer_ms", options.transfer_ms},
-                                {"transfer_jitter_ms", options.jitter_ms},
-                                {"camera_fps", options.camera_fps},
-                                {"loss_percent", options.loss_percent},
-                                {"modes", modes}});
+  std::string problems;
+  for (const sim::TimingRow& row : rows) {
+    if (!row.problem.empty()) problems += std::string(to_string(row.timing)) + ": " + row.problem + "\n";
+  }
+  context.result(table(cells) + problems, {{"lights", options.lights},
+                                           {"cameras", options.cameras},
+                                           {"exposure_ms", options.exposure_ms},
+                                           {"settle_ms", options.settle_ms},
+                                           {"command_ms", options.command_ms},
+                                           {"transfer_ms", options.transfer_ms},
+                                           {"transfer_jitter_ms", options.jitter_ms},
+                                           {"camera_fps", options.camera_fps},
+                                           {"loss_percent", options.loss_percent},
+                                           {"modes", modes}});
 }
 
 void add_bench_capture(CLI::App& bench, Context& context) {

@@ -36,6 +36,9 @@ struct Options {
 // Steps of a dry run: enough for rates and rare troubles to show.
 constexpr std::size_t kDryRunSteps = 60;
 
+// Cameras of 60 pictures a second; everything else as fast as can be.
+constexpr sim::DeviceTimes kSimulatedTimes{.shortest_period = core::kSecond / 60};
+
 // The devices of a pass, real or simulated, with the clock that they live by.
 class Devices {
  public:
@@ -44,7 +47,7 @@ class Devices {
     if (provenance.simulation) {
       virtual_clock_.sleep_until(begin);
       world_.emplace(*provenance.simulation);
-      simulated_.emplace(*world_, virtual_clock_);
+      simulated_.emplace(*world_, virtual_clock_, kSimulatedTimes);
     } else {
       hardware_.emplace(provenance.stage, system_clock_,
                         capture::HardwareOptions{.program = std::filesystem::read_symlink("/proc/self/exe")});
@@ -105,14 +108,19 @@ void dry_run(const Options& options, Context& context) {
       modes.push_back({{"timing", name}, {"problem", error.what()}});
     }
   }
-  if (rows.size() == 1) throw core::DeviceError("no timing mode works: " + remarks);
+  if (rows.size() == 1) {
+    remarks.erase(remarks.find_last_not_of('\n') + 1);
+    std::replace(remarks.begin(), remarks.end(), '\n', ';');
+    throw core::DeviceError("no timing mode works: " + remarks);
+  }
   context.result(table(rows) + remarks, {{"steps", sequence.steps.size()}, {"modes", modes}});
 }
 
 // Throws DeviceError where a light is not as it should be.
 void check_lights(const CaptureProvenance& provenance, const capture::Rig& rig, core::Nanoseconds exposure) {
-  const capture::Sequence sequence =
-      capture::make_light_check_sequence(provenance.stage.light_positions.size(), exposure);
+  capture::Sequence sequence = capture::make_light_check_sequence(provenance.stage.light_positions.size(), exposure);
+  sequence.settle = provenance.sequence.settle;
+  if (provenance.sequence.timing == capture::Timing::kFreeRun) sequence.timing = capture::Timing::kFreeRun;
   const capture::LightCheckReport report =
       capture::check_lights(provenance.stage.light_positions, capture::take_light_pictures(sequence, rig));
   if (!report.too_little.empty()) core::warn("light check: " + report.too_little);
@@ -152,6 +160,7 @@ void capture_scan(const Options& options, Context& context) {
   // Opened before the scan is begun: a device that is missing leaves no empty scan behind.
   Devices devices(provenance, options.resume ? capture::end_of_last_exposure(store, store.scan(options.name))
                                              : core::Nanoseconds{0});
+  check_rig("scan '" + options.name + "'", provenance.sequence, devices.rig());
   if (options.light_check.value_or(!provenance.simulation && !options.resume)) {
     check_lights(provenance, devices.rig(), exposure_of_lights(provenance.sequence));
   }
@@ -270,10 +279,15 @@ void add_capture(CLI::App& program, Context& context) {
                            "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
-  command->callback([options, &context, simulated, new_ones] {
+  std::vector<CLI::Option*> not_dry;
+  for (const char* name : {"--name", "--preview", "--preview-every", "--tev", "--light-check"}) {
+    not_dry.push_back(command->get_option(name));
+  }
+  command->callback([options, &context, simulated, new_ones, not_dry] {
     if (options->resume) refuse_any(new_ones, "--resume goes on with a scan as it was begun; leave this out");
     if (!options->request.simulate) refuse_any(simulated, "is for simulated stages; add --sim, or leave it out");
     if (options->dry_run) {
+      refuse_any(not_dry, "has no effect with --dry-run; leave it out");
       dry_run(*options, context);
     } else {
       capture_scan(*options, context);

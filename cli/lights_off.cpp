@@ -30,6 +30,20 @@ void turn_stage_off(const Options& options, Context& context) {
   }
 }
 
+// The widget may still belong to the process that died.
+void turn_widget_off(const std::string& serial) {
+  core::SystemClock clock;
+  const core::Nanoseconds deadline = clock.now() + 5 * core::kSecond;
+  while (true) {
+    try {
+      return capture::usb_lights_off(capture::ControllerKind::kEnttecDmxUsbPro, serial, clock);
+    } catch (const core::DeviceError&) {
+      if (clock.now() > deadline) throw;
+    }
+    clock.sleep_until(clock.now() + 100 * core::kMillisecond);
+  }
+}
+
 }  // namespace
 
 void add_lights_off(CLI::App& program, Context& context) {
@@ -41,8 +55,7 @@ void add_lights_off(CLI::App& program, Context& context) {
   command->add_option("--dmx-serial", options->dmx_serial)->group("");
   command->callback([options, &context] {
     if (options->dmx_serial) {
-      core::SystemClock clock;
-      capture::usb_lights_off(capture::ControllerKind::kEnttecDmxUsbPro, *options->dmx_serial, clock);
+      turn_widget_off(*options->dmx_serial);
     } else if (!options->stage_file.empty()) {
       turn_stage_off(*options, context);
     } else {

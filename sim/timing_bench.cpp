@@ -1,6 +1,7 @@
 #include "sim/timing_bench.h"
 
 #include "capture/stage.h"
+#include "core/error.h"
 #include "sim/world.h"
 
 namespace lightstage::sim {
@@ -60,7 +61,11 @@ std::vector<TimingRow> bench_timing(const TimingBenchOptions& options) {
       if (!shows(seen, capture::levels(step, light_count), light_count)) ++row.wrong;
     };
     sequence.timing = timing;
-    row.report = capture::dry_run(sequence, rig.rig(), session);
+    try {
+      row.report = capture::dry_run(sequence, rig.rig(), session);
+    } catch (const core::DeviceError& error) {
+      row.problem = error.what();
+    }
     const core::Nanoseconds passing = row.report.duration - row.report.preparation;
     row.steps_per_s = static_cast<double>(row.report.steps) * static_cast<double>(core::kSecond) /
                       static_cast<double>(std::max<core::Nanoseconds>(passing, 1));

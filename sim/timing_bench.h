@@ -28,6 +28,7 @@ struct TimingRow {
   capture::SessionReport report;
   double steps_per_s = 0;    // without the preparation
   std::size_t wrong = 0;     // frames kept whose light was not their step's alone
+  std::string problem;       // why the mode gave up; empty: it did not
   bool lights_left = false;  // any light on after the pass
 };
 

@@ -29,6 +29,8 @@ class CameraFeed {
 
   // The oldest frame of those that have come or come until `deadline`, whatever it is.
   std::optional<CameraFrame> next(core::Nanoseconds deadline);
+  // The highest sequence number seen of frames that were not damaged.
+  std::optional<std::int64_t> last_number() const { return last_sequence_number_; }
   core::Nanoseconds frame_period() const { return camera_->frame_period(); }
 
   struct Result {

@@ -7,6 +7,7 @@ namespace lightstage::capture {
 namespace {
 constexpr std::size_t kLineLength = 15;  // frames that a line is laid through
 constexpr std::size_t kLineLeast = 6;
+constexpr int kFramesOfALag = 5;  // in a row off the line: it is not a frame that was late, all are
 }  // namespace
 
 void TriggeredMatcher::expect(int step, core::Nanoseconds first_start, core::Nanoseconds last_start) {
@@ -47,25 +48,27 @@ std::vector<MatchedFrame> TriggeredMatcher::close() {
   }
   // Two frames for one exposure: one of them is another exposure's, and nobody knows which.
   for (Claim& claim : claims) claim.certain = claim.certain && claimed[claim.window] == 1;
-  // A difference of numbers that is not that of the exposures: the later frame, at least, may be misplaced. Damaged
-  // frames' numbers may be damaged too.
-  for (std::size_t i = 1; i < claims.size(); ++i) {
-    const CameraFrame &before = frames_[claims[i - 1].frame], &after = frames_[claims[i].frame];
-    if (before.damaged || after.damaged) continue;
-    const auto steps = static_cast<std::int64_t>(claims[i].window) - static_cast<std::int64_t>(claims[i - 1].window);
-    const std::int64_t numbers = after.sequence_number - before.sequence_number;
-    if (steps == numbers) continue;
-    claims[i].certain = false;
-    // More exposures than were asked for, or time that runs backwards: neither is to be trusted.
-    if (numbers > steps) claims[i - 1].certain = false;
+  // Damaged frames' numbers may be damaged too.
+  std::optional<std::int64_t> anchor;  // number of the exposure before the first window
+  if (last_number_) anchor = *last_number_;
+  bool lost_count = false;
+  for (std::size_t i = 0; i < claims.size(); ++i) {
+    const CameraFrame& frame = frames_[claims[i].frame];
+    if (frame.damaged) continue;
+    const std::int64_t before_first = frame.sequence_number - static_cast<std::int64_t>(claims[i].window) - 1;
+    if (!anchor) anchor = before_first;
+    if (!lost_count && before_first != *anchor) {
+      lost_count = true;
+      // More exposures than were asked for: which of the two is not the asked one cannot be told.
+      if (before_first > *anchor && i > 0) claims[i - 1].certain = false;
+    }
+    if (lost_count) claims[i].certain = false;
   }
   std::vector<MatchedFrame> matched;
   for (const Claim& claim : claims) {
     if (claim.certain) matched.push_back({windows_[claim.window].step, std::move(frames_[claim.frame])});
   }
   std::sort(matched.begin(), matched.end(), [](const auto& a, const auto& b) { return a.step < b.step; });
-  windows_.clear();
-  frames_.clear();
   return matched;
 }
 
@@ -117,7 +120,13 @@ void FreeRunMatcher::add(CameraFrame frame) {
   const std::optional<std::size_t> kind = kind_of(frame);
   if (!kind) return;
   const std::optional<core::Nanoseconds> off_line = lines_.at(kinds_[*kind].exposure).note(frame);
-  if (off_line && *off_line <= kinds_[*kind].tolerance) frames_.push_back({std::move(frame), *kind});
+  if (!off_line) return;
+  if (*off_line <= kinds_[*kind].tolerance) {
+    frames_off_line_ = 0;
+    if (!lagging_) frames_.push_back({std::move(frame), *kind});
+  } else if (++frames_off_line_ >= kFramesOfALag) {
+    lagging_ = true;
+  }
 }
 
 std::optional<core::Nanoseconds> FreeRunMatcher::next_start(core::Nanoseconds time) const {

@@ -30,7 +30,9 @@ struct MatchedFrame {
 // Frames of a camera that exposes only when it is triggered.
 class TriggeredMatcher {
  public:
-  explicit TriggeredMatcher(Latency latency) : latency_(latency) {}
+  // `last_number` is that of the frame before the first one expected, where one was seen: with no exposure in between.
+  explicit TriggeredMatcher(Latency latency, std::optional<std::int64_t> last_number = {})
+      : latency_(latency), last_number_(last_number) {}
 
   // An exposure of this step was asked for and began, if at all, within these times. Steps come in the order of time.
   void expect(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
@@ -40,9 +42,10 @@ class TriggeredMatcher {
   std::size_t arrived() const { return frames_.size(); }
   std::size_t outstanding() const;
 
-  // The frames that are certain, in the order of steps, at most one for each; begins anew. A frame is certain when the time
-  // stamp leaves one step, when no other frame claims that step, and when its sequence number is as far from those of the
-  // frames before and after it as their steps are. Frames flagged as damaged and repeats of a number never are.
+  // The frames that are certain, in the order of steps, at most one for each; call it once. A frame is certain when the time
+  // stamp leaves one step, when no other frame claims that step, and when sequence numbers advanced as the steps did from the
+  // first to this one: after a jump of one against the other (a trigger that was not obeyed, a camera that began to lag) nobody
+  // knows how far off the rest is. Frames flagged as damaged and repeats of a number never are.
   std::vector<MatchedFrame> close();
 
  private:
@@ -53,6 +56,7 @@ class TriggeredMatcher {
   std::optional<std::size_t> only_window(const CameraFrame& frame) const;
 
   Latency latency_;
+  std::optional<std::int64_t> last_number_;
   std::vector<Window> windows_;
   std::vector<CameraFrame> frames_;
 };
@@ -88,6 +92,8 @@ class FreeRunMatcher {
   void lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
   void add(CameraFrame frame);
 
+  // The camera's stamps have become later for good, or its count has skipped: nothing is certain any more, measure it anew.
+  bool lagging() const { return lagging_; }
   // Whether enough frames of the present kind have come to know where the next exposures lie.
   bool knows_next() const { return lines_.at(kinds_.back().exposure).next_stamp(0).has_value(); }
   // When the next exposure that begins at or after `time`, as far as can be known, will certainly have begun.
@@ -124,6 +130,8 @@ class FreeRunMatcher {
   std::optional<std::int64_t> last_number_;
   std::deque<Window> windows_;
   std::deque<CertainInLine> frames_;
+  int frames_off_line_ = 0;
+  bool lagging_ = false;
 };
 
 }  // namespace lightstage::capture

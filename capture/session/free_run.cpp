@@ -49,10 +49,10 @@ class FreePass {
     for (const db::Step* step : steps) measure(step->exposure_ns);
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
       matchers_.emplace_back(pass_.feeds()[c].frame_period());
-      witnesses_.emplace_back(references_.begin()->second.cameras[c]);
+      witnesses_.emplace_back(brightness_of(references_, c));
     }
     for (const db::Step* step : steps) {
-      if (core::interrupt_requested()) break;
+      if (core::interrupt_requested() || lagging()) break;
       set_exposure(step->exposure_ns);
       take(*step);
       if (++steps_since_close_ >= kStepsBetweenCloses) close();
@@ -60,7 +60,17 @@ class FreePass {
     // What is still under way comes, or not.
     fetch_until(pass_.now() + latest_ + 2 * period_ + kPoll);
     close();
-    for (std::size_t c = 0; c < witnesses_.size(); ++c) keep(c, witnesses_[c].rest());
+    for (std::size_t c = 0; c < witnesses_.size(); ++c) {
+      if (!matchers_[c].lagging()) keep(c, witnesses_[c].rest());
+    }
+    if (lagging()) {
+      core::note("a camera's time stamps have shifted: its frames since the last tracking frame are taken again");
+      references_.clear();
+    }
+  }
+
+  bool lagging() const {
+    return std::any_of(matchers_.begin(), matchers_.end(), [](const FreeRunMatcher& m) { return m.lagging(); });
   }
 
   void measure(core::Nanoseconds exposure) {

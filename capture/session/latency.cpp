@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "core/error.h"
@@ -23,9 +24,10 @@ constexpr core::Nanoseconds kSearchFrom = -50 * core::kMillisecond, kSearchTo = 
   throw core::DeviceError("camera '" + feed.name() + "' cannot be timed: " + problem);
 }
 
-std::vector<LightLevel> all_lights(const Pass& pass) {
-  std::vector<LightLevel> all(pass.rig().lights.light_count());
-  for (std::size_t i = 0; i < all.size(); ++i) all[i].light_index = static_cast<int>(i);
+std::vector<LightLevel> all_lights(const Pass& pass, float level) {
+  std::vector<LightLevel> all;
+  const int count = static_cast<int>(pass.rig().lights.light_count());
+  for (int i = 0; i < count; ++i) all.push_back({i, level, level, level});
   return all;
 }
 
@@ -35,9 +37,9 @@ struct Switching {
   bool lit = false;
 };
 
-Switching switch_lights(Pass& pass, bool lit) {
+Switching switch_lights(Pass& pass, bool lit, float level = 1) {
   const core::Nanoseconds asked = pass.now();
-  pass.rig().lights.show(lit ? all_lights(pass) : std::vector<LightLevel>{});
+  pass.rig().lights.show(lit ? all_lights(pass, level) : std::vector<LightLevel>{});
   pass.rig().clock.sleep_until(pass.now() + pass.sequence().settle);
   return {asked, pass.now(), lit};
 }
@@ -46,6 +48,14 @@ struct SeenFrame {
   core::Nanoseconds timestamp = 0;
   double mean = 0;
 };
+
+// More than a hundredth of its values at the sensor's limit.
+bool clips(const CameraFrame& frame) {
+  const std::span<const float> values = frame.image.values();
+  const auto clipped =
+      std::count_if(values.begin(), values.end(), [&](float v) { return double(v) >= 0.98 * frame.saturation; });
+  return frame.saturation > 0 && 100 * static_cast<std::size_t>(clipped) > values.size();
+}
 
 // The least and the greatest share of an exposure that began at `start` in which the lights were on.
 std::pair<double, double> lit_share(const std::vector<Switching>& switchings, core::Nanoseconds start,
@@ -117,6 +127,15 @@ double mean_value(const core::Image& image) {
   return image.values().empty() ? 0 : sum / static_cast<double>(image.values().size());
 }
 
+std::map<core::Nanoseconds, Brightness> brightness_of(const std::map<core::Nanoseconds, Reference>& references,
+                                                      std::size_t camera) {
+  std::map<core::Nanoseconds, Brightness> brightness;
+  for (const auto& [exposure, reference] : references) {
+    brightness.emplace(exposure, reference.cameras[camera].brightness);
+  }
+  return brightness;
+}
+
 Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
   struct Seen {
     std::vector<core::Nanoseconds> after_call, after_trigger;
@@ -137,8 +156,7 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
       feed.set_exposure(exposure);
       feed.flush(pass.now());
     }
-    const core::Nanoseconds called = pass.now();
-    const core::Nanoseconds triggered = pass.rig().trigger->fire();
+    const auto [called, triggered] = pass.trigger();
     reference.longest_trigger = std::max(reference.longest_trigger, triggered - called);
     for (std::size_t c = 0; c < feeds.size(); ++c) {
       const auto result = feeds[c].receive(called, called + exposure + pass.options().frame_timeout);
@@ -183,38 +201,44 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
   std::vector<std::vector<core::Nanoseconds>> off_line(feeds.size());
   std::vector<std::size_t> bytes(feeds.size(), 0);
   for (CameraFeed& feed : feeds) lines.emplace_back(feed.frame_period());
-  core::Nanoseconds listen_from = 0;
-  const auto listen = [&](core::Nanoseconds until) {
+  std::vector<double> full(feeds.size(), 0);
+  bool clipped = false;
+  const auto listen = [&](core::Nanoseconds until, const std::function<void(std::size_t, const CameraFrame&)>& hear) {
     do {
+      core::throw_if_interrupted();
       for (std::size_t c = 0; c < feeds.size(); ++c) {
         while (const std::optional<CameraFrame> frame = feeds[c].next(pass.now())) {
-          if (frame->damaged || frame->timestamp < listen_from) continue;
-          if (const auto off = lines[c].note(*frame)) off_line[c].push_back(*off);
-          frames[c].push_back({frame->timestamp, mean_value(frame->image)});
-          bytes[c] = frame->image.values().size_bytes();
+          if (!frame->damaged) hear(c, *frame);
         }
       }
       pass.rig().clock.sleep_until(std::min(until, pass.now() + core::kMillisecond));
     } while (pass.now() < until);
   };
-  // Frames of the exposure set before, and those under way, are let go by.
+  const core::Nanoseconds until_still = 3 * period + kSearchTo / 2;  // frames under way have come by then
+  // All lights, still: how bright that is, and whether it is too bright to tell how long the lights were on.
+  switch_lights(pass, true);
+  listen(pass.now() + until_still, [](std::size_t, const CameraFrame&) {});
+  listen(pass.now() + 2 * period, [&](std::size_t c, const CameraFrame& frame) {
+    full[c] = mean_value(frame.image);
+    clipped = clipped || clips(frame);
+  });
+  // n unit lights all round give three quarters of what one gives head-on at 3/n of their level (sequence.h).
+  const float level = clipped ? std::min(1.0f, 3.0f / static_cast<float>(pass.rig().lights.light_count())) : 1.0f;
   std::vector<Switching> switchings{switch_lights(pass, false)};
-  const core::Nanoseconds quiet = pass.now() + 3 * period + kSearchTo / 2;
-  for (CameraFeed& feed : feeds) feed.flush(pass.now());
-  while (pass.now() < quiet) {
-    pass.rig().clock.sleep_until(std::min(quiet, pass.now() + period));
-    for (CameraFeed& feed : feeds) feed.flush(pass.now());
-  }
-  listen_from = pass.now();
+  listen(pass.now() + until_still, [](std::size_t, const CameraFrame&) {});
+  const auto note = [&](std::size_t c, const CameraFrame& frame) {
+    if (const auto off = lines[c].note(frame)) off_line[c].push_back(*off);
+    frames[c].push_back({frame.timestamp, mean_value(frame.image)});
+    bytes[c] = frame.image.values().size_bytes();
+  };
   for (int i = 0; i < kFlashes; ++i) {
-    core::throw_if_interrupted();
     // Times that fit no multiple of the period, each another, so that only one delay explains them all.
     const double periods = 2.2 + 0.37 * i;
-    switchings.push_back(switch_lights(pass, i % 2 == 0));
-    listen(pass.now() + kFlashLeast + static_cast<core::Nanoseconds>(periods * static_cast<double>(period)));
+    switchings.push_back(switch_lights(pass, i % 2 == 0, level));
+    listen(pass.now() + kFlashLeast + static_cast<core::Nanoseconds>(periods * static_cast<double>(period)), note);
   }
   switchings.push_back(switch_lights(pass, false));
-  listen(pass.now() + 2 * period + kSearchTo / 2);
+  listen(pass.now() + until_still, note);
 
   Reference reference;
   for (std::size_t c = 0; c < feeds.size(); ++c) {
@@ -225,6 +249,7 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
       fail(feeds[c], "it does not see the lights (pictures with all of them on are no brighter than dark ones)");
     }
     camera.latency = best_latency(feeds[c], frames[c], switchings, camera.brightness, exposure);
+    camera.brightness.full = full[c];
     camera.tolerance = kLeastTolerance / 2 + jitter(off_line[c]);
     camera.frame_bytes = bytes[c];
     reference.cameras.push_back(camera);

@@ -24,6 +24,10 @@ struct Reference {
   core::Nanoseconds longest_trigger = 0;  // from calling Trigger::fire() until every camera was triggered, at most
 };
 
+// Of one camera, by exposure.
+std::map<core::Nanoseconds, Brightness> brightness_of(const std::map<core::Nanoseconds, Reference>& references,
+                                                      std::size_t camera);
+
 double mean_value(const core::Image& image);
 
 // Triggers a few exposures of this length, with and without light. The latency is that of the stamps after fire() was called,
@@ -31,7 +35,7 @@ double mean_value(const core::Image& image);
 Reference measure_triggered(Pass& pass, core::Nanoseconds exposure);
 
 // The same for cameras that run free, whose exposures nobody starts: the lights are switched on and off at irregular times,
-// and the latency is what explains how much light each frame saw. Takes about 3 s. DeviceError where no latency
+// (never faster than 3 times a second: that can harm), and the latency is what explains how much light each frame saw. Takes about 3 s. DeviceError where no latency
 // within -50 to 500 ms explains three quarters of the frames, or the cameras do not see the lights.
 Reference measure_free_running(Pass& pass, core::Nanoseconds exposure);
 

@@ -10,11 +10,6 @@ namespace {
 // A strobe that has not been heard of so long after the exposure was not given (input lines may be polled).
 constexpr core::Nanoseconds kStrobeDelay = 120 * core::kMillisecond;
 
-void light(Pass& pass, const db::Step& step) {
-  pass.rig().lights.show(pass.levels_of(step));
-  pass.rig().clock.sleep_until(pass.now() + pass.sequence().settle);
-}
-
 // Exposes every camera once, with nothing old left in its queue. Returns a time that no frame of this
 // exposure begins before and every frame of an earlier one does.
 core::Nanoseconds trigger(Pass& pass, const db::Step& step) {
@@ -24,9 +19,12 @@ core::Nanoseconds trigger(Pass& pass, const db::Step& step) {
     pass.report().discarded += feed.flush(pass.now());
   }
   if (pass.rig().strobe) pass.rig().strobe->clear();
-  const core::Nanoseconds trigger_time = pass.now();
-  pass.rig().trigger->fire();
-  return trigger_time;
+  return pass.trigger().called;
+}
+
+void light(Pass& pass, const db::Step& step) {
+  pass.rig().lights.show(pass.levels_of(step));
+  pass.rig().clock.sleep_until(pass.now() + pass.sequence().settle);
 }
 
 struct Exposure {
@@ -65,10 +63,22 @@ std::optional<CameraFrame> receive(Pass& pass, CameraFeed& feed, const db::Step&
   return std::move(result.frame);
 }
 
+// A frame that did not come in time may come yet, and would be taken for another exposure's by its stamp, where a camera
+// stamps frames when they arrive. So nothing is exposed for as long as a frame was waited for, and what comes is thrown away:
+// before a step is tried again, and before the lights change after that.
+void let_late_frames_come(Pass& pass) {
+  const core::Nanoseconds until = pass.now() + pass.options().frame_timeout;
+  for (CameraFeed& feed : pass.feeds()) {
+    while (feed.next(until)) ++pass.report().discarded;
+  }
+}
+
 void take(Pass& pass, const db::Step& step) {
   std::string trouble;
+  bool frames_may_come = false;
   for (int attempt = 1;; ++attempt) {
     const std::vector<CameraFeed*> missing = pass.cameras_without(step);
+    if (frames_may_come) let_late_frames_come(pass);
     if (missing.empty()) return;
     core::throw_if_interrupted();
     // The camera that was asked last is the one that `trouble` is about.
@@ -81,11 +91,16 @@ void take(Pass& pass, const db::Step& step) {
       exposure.trigger_time = trigger(pass, step);
       exposure.deadline = exposure.trigger_time + step.exposure_ns + pass.options().frame_timeout;
       for (CameraFeed* feed : missing) {
-        if (auto frame = receive(pass, *feed, step, exposure, trouble)) received.emplace_back(feed, std::move(*frame));
+        if (auto frame = receive(pass, *feed, step, exposure, trouble)) {
+          received.emplace_back(feed, std::move(*frame));
+        } else {
+          frames_may_come = true;
+        }
       }
     } catch (const core::DeviceError& error) {
       trouble = error.what();
       pass.forget_cameras();
+      frames_may_come = true;
     }
     // One camera's trouble does not spoil another's frame, lights that went out do.
     try {

@@ -54,6 +54,19 @@ int Pass::tries(const db::Step& step) const {
   return found == tries_.end() ? 0 : found->second;
 }
 
+Pass::Triggered Pass::trigger() {
+  if (last_trigger_) {
+    core::Nanoseconds period = 0;
+    for (const CameraFeed& feed : feeds_) period = std::max(period, feed.frame_period());
+    rig_.clock.sleep_until(*last_trigger_ + period + period / 50 + core::kMillisecond / 2);
+  }
+  Triggered result;
+  result.called = now();
+  last_trigger_ = result.called;
+  result.triggered = rig_.trigger->fire();
+  return result;
+}
+
 void Pass::set_exposure(core::Nanoseconds exposure) {
   for (CameraFeed& feed : feeds_) feed.set_exposure(exposure);
 }

@@ -39,6 +39,13 @@ class Pass {
   int begin_try(const db::Step& step) { return ++tries_[step.step_index]; }
   int tries(const db::Step& step) const;
 
+  // Triggers all cameras, not before each of them is ready for it: one that is asked too soon misses the trigger.
+  struct Triggered {
+    core::Nanoseconds called = 0,
+                      triggered = 0;  // no exposure began before the first; all were asked for by the second
+  };
+  Triggered trigger();
+
   // Sets the exposure of every camera; DeviceError as Camera::set_exposure.
   void set_exposure(core::Nanoseconds exposure);
   void set_exposing(Exposing exposing);
@@ -68,6 +75,7 @@ class Pass {
   std::map<int, int> tries_;
   SessionReport report_;
   core::Nanoseconds begin_;
+  std::optional<core::Nanoseconds> last_trigger_;
   LedStatus lights_status_;  // as last asked
   core::Progress progress_;
   FrameKeeper keeper_;

@@ -27,7 +27,7 @@ class PipelinedPass {
       }
     }
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
-      witnesses_.emplace_back(references_.begin()->second.cameras[c]);
+      witnesses_.emplace_back(brightness_of(references_, c));
     }
     pass_.report().preparation = pass_.now() - begin;
     std::size_t first = 0;
@@ -66,11 +66,9 @@ class PipelinedPass {
       feed.set_exposing(Exposing::kTriggered);
       feed.set_exposure(run.exposure);
       pass_.report().discarded += feed.flush(pass_.now());
-      matchers.emplace_back(reference.cameras[c].latency);
-      // A camera whose trigger comes a little too soon misses it. Exposures nearer than the uncertainty of their stamps
-      // could not be told apart.
-      pace = std::max({pace, feed.frame_period() + feed.frame_period() / 50 + core::kMillisecond / 2,
-                       reference.cameras[c].latency.range() + reference.longest_trigger});
+      matchers.emplace_back(reference.cameras[c].latency, feed.last_number());
+      // Exposures nearer than the uncertainty of their stamps could not be told apart.
+      pace = std::max(pace, reference.cameras[c].latency.range() + reference.longest_trigger);
     }
     load();
     player_.arm(first, hold(reference));
@@ -78,9 +76,15 @@ class PipelinedPass {
     for (std::size_t i = 0; i < run.steps.size(); ++i) {
       // Interrupted: what was exposed is kept, then the caller stops.
       if (core::interrupt_requested() && i > 0) break;
+      // A strobe that was heard twice, or noise on its wire, lit another pattern too soon.
+      if (player_.position() != first + i) {
+        core::note(describe(*run.steps[i]) +
+                   ": the controller is at another pattern; this step and the one before are taken again");
+        if (i > 0) mixed.insert(run.steps[i - 1]->step_index);
+        break;
+      }
       pass_.begin_try(*run.steps[i]);
-      const core::Nanoseconds called = pass_.now();
-      const core::Nanoseconds triggered = pass_.rig().trigger->fire();
+      const auto [called, triggered] = pass_.trigger();
       for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, triggered);
       // The last camera may have been triggered later than the lights were held for it: its exposure saw two steps' lights.
       if (triggered - called > hold(reference)) mixed.insert(run.steps[i]->step_index);
@@ -94,6 +98,8 @@ class PipelinedPass {
       fetch(matchers);
       settle_from(*lit);
       pass_.rig().clock.sleep_until(called + pace);
+      const bool last = i + 1 == run.steps.size();
+      if (last && player_.position() != first + i + 1) mixed.insert(run.steps[i]->step_index);
     }
     wait_for_frames(matchers, reference);
     pass_.check_lights();

@@ -7,10 +7,10 @@ namespace {
 constexpr std::size_t kMostWaitingBytes = std::size_t{1} << 30;
 }  // namespace
 
-bool Witness::plausible(const MatchedFrame& frame, db::StepKind kind) const {
-  const auto [dark, full] = reference_.brightness;
+bool Witness::plausible(const MatchedFrame& frame, const db::Step& step) const {
+  const auto [dark, full] = brightness_.at(step.exposure_ns);
   const double middle = (dark + full) / 2;
-  switch (kind) {
+  switch (step.kind) {
     case db::StepKind::kDark:
       return mean_value(frame.frame.image) < middle;
     case db::StepKind::kFullOn:
@@ -24,9 +24,9 @@ bool Witness::plausible(const MatchedFrame& frame, db::StepKind kind) const {
 Witness::Verdict Witness::hear(std::vector<MatchedFrame> frames, const std::vector<db::Step>& steps) {
   Verdict verdict;
   for (MatchedFrame& frame : frames) {
-    const db::StepKind kind = steps[static_cast<std::size_t>(frame.step)].kind;
-    const bool is_witness = kind != db::StepKind::kLight && kind != db::StepKind::kPattern;
-    if (!plausible(frame, kind)) {
+    const db::Step& step = steps[static_cast<std::size_t>(frame.step)];
+    const bool is_witness = step.kind != db::StepKind::kLight && step.kind != db::StepKind::kPattern;
+    if (!plausible(frame, step)) {
       verdict.refused += waiting_.size() + 1;
       waiting_.clear();
       waiting_bytes_ = 0;

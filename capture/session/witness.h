@@ -13,7 +13,8 @@ namespace lightstage::capture {
 // last witness wait for the next one, and are refused with it.
 class Witness {
  public:
-  explicit Witness(const CameraReference& reference) : reference_(reference) {}
+  // What the camera saw with no light and with all of them, by exposure: long ones may clip.
+  explicit Witness(std::map<core::Nanoseconds, Brightness> brightness) : brightness_(std::move(brightness)) {}
 
   struct Verdict {
     std::vector<MatchedFrame> admitted;
@@ -26,9 +27,9 @@ class Witness {
 
  private:
   // Whether the frame is what its step must look like; true for steps of which that is not known.
-  bool plausible(const MatchedFrame& frame, db::StepKind kind) const;
+  bool plausible(const MatchedFrame& frame, const db::Step& step) const;
 
-  CameraReference reference_;
+  std::map<core::Nanoseconds, Brightness> brightness_;
   std::vector<MatchedFrame> waiting_;
   std::size_t waiting_bytes_ = 0;
 };

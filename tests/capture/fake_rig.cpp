@@ -41,6 +41,11 @@ class FakeRig::Lights : public capture::LedController, public capture::PatternPl
     rig_.change_lights(rig_.clock_.now(), patterns_.at(first));
   }
 
+  std::size_t position() override {
+    step_until(rig_.clock_.now());
+    return at_;
+  }
+
   std::optional<core::Nanoseconds> wait_for_pattern(std::size_t index, core::Nanoseconds deadline) override {
     while (at_ < index) {
       if (step_times_.empty() || step_times_.front() > deadline) {
@@ -48,15 +53,24 @@ class FakeRig::Lights : public capture::LedController, public capture::PatternPl
         return std::nullopt;
       }
       rig_.clock_.sleep_until(step_times_.front());
-      rig_.change_lights(step_times_.front(),
-                         ++at_ < patterns_.size() ? patterns_[at_] : decltype(patterns_)::value_type{});
-      step_times_.pop_front();
+      step_until(step_times_.front());
     }
     return rig_.clock_.now();
   }
 
-  void exposure_ends(core::Nanoseconds time) {
-    if (playing_) step_times_.push_back(time + rig_.strobe_time + delay_);
+  // A strobe that bounces is heard twice.
+  void exposure_ends(core::Nanoseconds time, bool bounces) {
+    if (!playing_) return;
+    step_times_.push_back(time + rig_.strobe_time + delay_);
+    if (bounces) step_times_.push_back(step_times_.back() + core::kMillisecond / 20);
+  }
+
+  void step_until(core::Nanoseconds time) {
+    for (; !step_times_.empty() && step_times_.front() <= time; step_times_.pop_front()) {
+      if (at_ < patterns_.size()) ++at_;
+      rig_.change_lights(step_times_.front(),
+                         at_ < patterns_.size() ? patterns_[at_] : std::vector<capture::LightLevel>{});
+    }
   }
 
  private:
@@ -87,7 +101,8 @@ class FakeRig::Camera : public capture::Camera {
     if (free_ || script.swallowed || triggered < busy_until_) return;
     expose(script, triggered + script.start_delay);
     if (index_ == 0 && !rig_.strobe_failures.contains(exposure_number)) {
-      rig_.lights_->exposure_ends(triggered + script.start_delay + exposure_);
+      rig_.lights_->exposure_ends(triggered + script.start_delay + exposure_,
+                                  rig_.strobe_bounces.contains(exposure_number));
     }
   }
 
@@ -101,6 +116,7 @@ class FakeRig::Camera : public capture::Camera {
       return std::nullopt;
     }
     rig_.clock_.sleep_until(next->ready);
+    rig_.lights_->step_until(rig_.clock_.now());
     Queued taken = std::move(*next);
     queue_.erase(next);
     if (taken.raises_device_error) throw core::DeviceError("fake camera: unplugged");

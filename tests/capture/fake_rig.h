@@ -53,6 +53,7 @@ class FakeRig {
   std::function<Delivery(std::size_t camera, int exposure)> delivery = [](std::size_t, int) { return Delivery{}; };
   std::function<void(int exposure)> on_fire = [](int) {};
   std::set<int> show_failures;    // show calls that throw DeviceError
+  std::set<int> strobe_bounces;   // exposures whose strobe the controller hears twice
   std::set<int> strobe_failures;  // exposures whose strobe the controller does not hear
   int all_off_failures = 0;       // this many all_off calls throw first
   bool pictures_are_finite = true;

@@ -44,6 +44,7 @@ class Member final : public capture::LedController, public capture::PatternPlaye
     check();
     return told_.status;
   }
+  std::size_t position() override { return told_.armed.value_or(0); }
   PatternPlayer* player() override { return told_.plays ? this : nullptr; }
   void load(std::span<const std::vector<LightLevel>> patterns) override {
     check();

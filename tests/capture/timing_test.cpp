@@ -201,3 +201,80 @@ TEST_CASE("a dry run stores nothing and says how fast the rig goes", "[timing]")
   CHECK(seen == olat(Timing::kLockstep).steps.size());
   CHECK(report.duration > 0);
 }
+
+TEST_CASE("a strobe that the controller hears twice costs steps, not truth", "[timing]") {
+  const int bounce = GENERATE(20, 30, 40);
+  CAPTURE(bounce);
+  FakeRig fake(kLights, 1);
+  be_real(fake);
+  fake.strobe_bounces = {bounce};
+  // Tracking frames of another exposure: the slip would end before any of them could betray it.
+  capture::OlatOptions options;
+  options.light_count = kLights;
+  options.tracking_every = 8;
+  options.exposure = 8 * kMillisecond;
+  Sequence sequence = capture::make_olat_sequence(options);
+  sequence.timing = Timing::kPipelined;
+  Pass pass(fake, sequence);
+  CHECK(pass.run().retaken > 0);
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
+
+TEST_CASE("in lockstep a frame that comes after it was given up is not taken for another", "[timing]") {
+  const int late_one = GENERATE(10, 20);
+  const core::Nanoseconds late = GENERATE(510, 600, 900) * kMillisecond;
+  CAPTURE(late_one, late);
+  FakeRig fake(kLights, 1);
+  be_real(fake);
+  fake.delivery = [=](std::size_t, int exposure) {
+    Delivery d;
+    d.late = exposure == late_one ? late : 12 * kMillisecond;
+    d.stamp_late = 8 * kMillisecond + d.late;  // stamped on arrival
+    return d;
+  };
+  Pass pass(fake, olat(Timing::kLockstep));
+  pass.run();
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
+
+TEST_CASE("a camera that begins to lag for good costs steps, not truth", "[timing]") {
+  const Timing timing = GENERATE(Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun);
+  const int tracking_every = GENERATE(0, 8);
+  // Exposures from which on it lags: some of the pass, by which many precede it in free run.
+  const int from = (timing == Timing::kFreeRun ? 230 : 20) + GENERATE(0, 10, 30);
+  CAPTURE(capture::to_string(timing), tracking_every, from);
+  FakeRig fake(kLights, 1);
+  be_real(fake);
+  fake.delivery = [=](std::size_t, int exposure) {
+    Delivery d;
+    d.late = (exposure >= from ? 29 : 12) * kMillisecond;
+    d.stamp_late = d.late;
+    return d;
+  };
+  capture::OlatOptions options;
+  options.light_count = kLights;
+  options.tracking_every = tracking_every;
+  options.exposure = 8 * kMillisecond;
+  options.full_on_exposure = options.exposure;
+  Sequence sequence = capture::make_olat_sequence(options);
+  sequence.timing = timing;
+  Pass pass(fake, sequence);
+  pass.run();
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
+
+TEST_CASE("cameras that are asked too soon are waited for, in every mode", "[timing]") {
+  const Timing timing = GENERATE(Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun);
+  CAPTURE(capture::to_string(timing));
+  FakeRig fake(kLights, 2);
+  be_real(fake);
+  fake.least_period = 60 * kMillisecond;
+  Pass pass(fake, olat(timing));
+  const SessionReport report = pass.run();
+  CHECK(report.dropped == 0);
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
