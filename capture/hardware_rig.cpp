@@ -55,7 +55,7 @@ std::unique_ptr<LedController> open_lights(const Hardware& hardware, core::Clock
 void require_controllers(const Stage& stage) {
   if (stage.hardware.controllers.empty()) {
     throw core::UsageError("the file of stage '" + stage.name +
-                           "' describes no LED controllers: add them (docs/hardware.md), or simulate with --sim");
+                           "' describes no LED controllers: add them (docs/hardware.md)");
   }
 }
 

@@ -123,9 +123,13 @@ void check_lights(const CaptureProvenance& provenance, const capture::Rig& rig, 
   if (provenance.sequence.timing == capture::Timing::kFreeRun) sequence.timing = capture::Timing::kFreeRun;
   const capture::LightCheckReport report =
       capture::check_lights(provenance.stage.light_positions, capture::take_light_pictures(sequence, rig));
+  const std::size_t lights = provenance.stage.light_positions.size();
   if (!report.too_little.empty()) core::warn("light check: " + report.too_little);
+  if (report.findings.empty() && report.unjudged.size() == lights) {
+    core::warn("light check: none of the lights could be judged; the pass goes on unchecked");
+    return;
+  }
   if (report.findings.empty()) {
-    const std::size_t lights = provenance.stage.light_positions.size();
     core::note("light check: nothing wrong with " + std::to_string(lights - report.unjudged.size()) + " of " +
                std::to_string(lights) + " lights" +
                (report.unjudged.empty() ? "" : "; the others light nothing that a camera sees"));
@@ -143,7 +147,11 @@ core::Nanoseconds exposure_of_lights(const capture::Sequence& sequence) {
 }
 
 void capture_scan(const Options& options, Context& context) {
-  if (options.name.empty()) throw core::UsageError("--name NAME is needed: what the scan shall be called");
+  if (options.name.empty()) {
+    throw core::UsageError(options.resume
+                               ? "--name NAME is needed: which interrupted scan to go on with (lightstage store ls)"
+                               : "--name NAME is needed: what the scan shall be called");
+  }
   std::optional<capture::Preview> preview;
   if (!options.preview.empty() || !options.tev.empty()) {
     preview.emplace(
@@ -161,7 +169,13 @@ void capture_scan(const Options& options, Context& context) {
   Devices devices(provenance, options.resume ? capture::end_of_last_exposure(store, store.scan(options.name))
                                              : core::Nanoseconds{0});
   check_rig("scan '" + options.name + "'", provenance.sequence, devices.rig());
-  if (options.light_check.value_or(!provenance.simulation && !options.resume)) {
+  // A mirror shows each light as a spot of its own: its neighbours say nothing of it.
+  const bool mirror = !options.resume && options.request.mirror_ball;
+  if (mirror && options.light_check.value_or(false)) {
+    throw core::UsageError(
+        "--light-check: lights cannot be checked on a mirror ball; check them on the grey ball or the subject");
+  }
+  if (options.light_check.value_or(!provenance.simulation && !options.resume && !mirror)) {
     check_lights(provenance, devices.rig(), exposure_of_lights(provenance.sequence));
   }
   const db::Scan scan =

@@ -94,10 +94,12 @@ std::optional<core::Nanoseconds> StampLine::next_stamp(core::Nanoseconds time) c
   return *start + periods * period_;
 }
 
-void FreeRunMatcher::change(core::Nanoseconds begin, core::Nanoseconds exposure, Latency latency,
-                            core::Nanoseconds tolerance) {
-  kinds_.push_back({begin, exposure, {latency.least - tolerance, latency.most + tolerance}, tolerance});
-  lines_.try_emplace(exposure, period_);
+void FreeRunMatcher::change(core::Nanoseconds begin, core::Nanoseconds exposure, core::Nanoseconds period,
+                            Latency latency, core::Nanoseconds tolerance) {
+  // Exposures at another rate in between shift the phase: then the line of before is of no use.
+  if (!kinds_.empty() && kinds_.back().period != period) lines_.erase(exposure);
+  kinds_.push_back({begin, exposure, period, {latency.least - tolerance, latency.most + tolerance}, tolerance});
+  lines_.try_emplace(exposure, period);
 }
 
 void FreeRunMatcher::lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start) {
@@ -108,7 +110,7 @@ void FreeRunMatcher::lit(int step, core::Nanoseconds first_start, core::Nanoseco
 std::optional<std::size_t> FreeRunMatcher::kind_of(const CameraFrame& frame) const {
   for (std::size_t i = kinds_.size(); i-- > 0;) {
     if (frame.timestamp - kinds_[i].latency.most >= kinds_[i].begin) return i;
-    if (frame.timestamp - kinds_[i].latency.least >= kinds_[i].begin - 2 * period_) return std::nullopt;
+    if (frame.timestamp - kinds_[i].latency.least >= kinds_[i].begin - 2 * kinds_[i].period) return std::nullopt;
   }
   return std::nullopt;
 }
@@ -142,7 +144,7 @@ FreeRunMatcher::Closed FreeRunMatcher::close(core::Nanoseconds now) {
     const Window& window = windows_.front();
     const Kind& kind = kinds_[window.kind];
     // One more exposure's stamp may be that late, and its frame still be under way.
-    if (window.last_start + kind.latency.most + period_ > now) break;
+    if (window.last_start + kind.latency.most + kind.period > now) break;
     const auto shows = [&](const CertainInLine& f) {
       return f.kind == window.kind && f.frame.timestamp - kind.latency.most >= window.first_start &&
              f.frame.timestamp - kind.latency.least <= window.last_start;

@@ -81,12 +81,11 @@ class StampLine {
 // Frames of a camera that runs free.
 class FreeRunMatcher {
  public:
-  explicit FreeRunMatcher(core::Nanoseconds period) : period_(period) {}
-
-  // From `begin` on every exposure is of this length, with this latency of its stamps; until the one before has begun for the
+  // From `begin` on every exposure is of this length, one each `period`, with this latency of its stamps; until the one before has begun for the
   // last time, frames belong to that. Latency is widened by `tolerance` on both sides; a frame whose stamp is later than that
   // after the line of its kind is not certain.
-  void change(core::Nanoseconds begin, core::Nanoseconds exposure, Latency latency, core::Nanoseconds tolerance);
+  void change(core::Nanoseconds begin, core::Nanoseconds exposure, core::Nanoseconds period, Latency latency,
+              core::Nanoseconds tolerance);
 
   // Exposures that begin within these times show this step alone. Steps come in the order of time.
   void lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
@@ -109,7 +108,7 @@ class FreeRunMatcher {
 
  private:
   struct Kind {
-    core::Nanoseconds begin = 0, exposure = 0;
+    core::Nanoseconds begin = 0, exposure = 0, period = 0;
     Latency latency;  // widened
     core::Nanoseconds tolerance = 0;
   };
@@ -124,7 +123,6 @@ class FreeRunMatcher {
   };
   std::optional<std::size_t> kind_of(const CameraFrame& frame) const;
 
-  core::Nanoseconds period_;
   std::vector<Kind> kinds_;
   std::map<core::Nanoseconds, StampLine> lines_;  // by exposure
   std::optional<std::int64_t> last_number_;

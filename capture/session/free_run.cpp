@@ -47,8 +47,8 @@ class FreePass {
     witnesses_.clear();
     exposure_.reset();
     for (const db::Step* step : steps) measure(step->exposure_ns);
+    matchers_.resize(pass_.feeds().size());
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
-      matchers_.emplace_back(pass_.feeds()[c].frame_period());
       witnesses_.emplace_back(brightness_of(references_, c));
     }
     for (const db::Step* step : steps) {
@@ -109,7 +109,8 @@ class FreePass {
     // The exposure under way and perhaps the one after it are still of the length before.
     const core::Nanoseconds begin = pass_.now() + 2 * period_;
     for (std::size_t c = 0; c < matchers_.size(); ++c) {
-      matchers_[c].change(begin, exposure, reference.cameras[c].latency, reference.cameras[c].tolerance);
+      matchers_[c].change(begin, exposure, pass_.feeds()[c].frame_period(), reference.cameras[c].latency,
+                          reference.cameras[c].tolerance);
     }
     fetch_until(begin);
     const core::Nanoseconds patience = begin + latest_ + kPatiencePeriods * period_;

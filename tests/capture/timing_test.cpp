@@ -266,6 +266,23 @@ TEST_CASE("a camera that begins to lag for good costs steps, not truth", "[timin
   CHECK(pass.wrong() == 0);
 }
 
+TEST_CASE("exposures longer than the cameras' period slow them down, in every mode", "[timing]") {
+  const Timing timing = GENERATE(Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun);
+  CAPTURE(capture::to_string(timing));
+  FakeRig fake(kLights, 2);
+  be_real(fake);
+  Sequence sequence = olat(timing, 40 * kMillisecond);
+  // Others in between are short, and follow each other as fast as the cameras can.
+  for (db::Step& step : sequence.steps) {
+    if (step.kind == db::StepKind::kTracking) step.exposure_ns = 3 * kMillisecond;
+  }
+  Pass pass(fake, sequence);
+  const SessionReport report = pass.run();
+  CHECK(report.retaken == 0);
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
+
 TEST_CASE("cameras that are asked too soon are waited for, in every mode", "[timing]") {
   const Timing timing = GENERATE(Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun);
   CAPTURE(capture::to_string(timing));
