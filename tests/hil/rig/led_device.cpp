@@ -36,12 +36,19 @@ LedDevice::LedDevice(int port, Scene& scene)
                          .manufacturer = "Lightstage",
                          .product_name = "Emulated LED controller",
                          .serial = serial_number(port)}),
-      power_on_(now()),
-      firmware_(options(port), [this, &scene](core::Nanoseconds time, std::span<const capture::OutputLevel> lit) {
-        scene.set(power_on_ + time, 0, levels(lit));
-      }) {
-  firmware_.set_temperature(31, 0);
-  firmware_.set_supply_volts(24);
+      port_(port),
+      scene_(scene) {
+  power_cycle();
+}
+
+void LedDevice::power_cycle() {
+  power_on_ = now();
+  scene_.set(power_on_, 0, levels({}));
+  firmware_.emplace(options(port_), [this](core::Nanoseconds time, std::span<const capture::OutputLevel> lit) {
+    scene_.set(power_on_ + time, 0, levels(lit));
+  });
+  firmware_->set_temperature(31, 0);
+  firmware_->set_supply_volts(24);
 }
 
 Bytes LedDevice::configuration() const {
@@ -84,33 +91,33 @@ bool LedDevice::bulk_out(std::uint8_t, ByteView data) {
   if (!plugged()) return false;  // a fault unplugged it
   if (stall_ > 0) return --stall_, false;
   if (mute_ > 0) return --mute_, true;
-  firmware_.receive(data, since_power_on(now()));
+  firmware_->receive(data, since_power_on(now()));
   send();
   return true;
 }
 
 void LedDevice::strobe(bool rising, Nanoseconds time) {
-  firmware_.strobe_edge(rising, since_power_on(time));
+  firmware_->strobe_edge(rising, since_power_on(time));
   send();
 }
 
 std::optional<Nanoseconds> LedDevice::next_event() const {
-  const std::optional<core::Nanoseconds> next = firmware_.next_event();
+  const std::optional<core::Nanoseconds> next = firmware_->next_event();
   return next ? std::optional(power_on_ + *next) : std::nullopt;
 }
 
 void LedDevice::advance(Nanoseconds time) {
-  firmware_.tick(since_power_on(time));
+  firmware_->tick(since_power_on(time));
   send();
 }
 
 void LedDevice::unplugged() {
   to_send_.clear();
-  firmware_.disconnect(since_power_on(now()));
+  firmware_->disconnect(since_power_on(now()));
 }
 
 void LedDevice::send() {
-  const Bytes more = firmware_.take_output();
+  const Bytes more = firmware_->take_output();
   if (!plugged()) return;
   append(to_send_, more);
   while (!to_send_.empty()) {

@@ -24,6 +24,9 @@ class LedDevice : public UsbipDevice {
   void mute(int transfers) { mute_ = transfers; }
   void stall(int transfers) { stall_ = transfers; }
 
+  // Its power goes and comes: it is dark, cool, and knows nothing.
+  void power_cycle();
+
   void strobe(bool rising, Nanoseconds time);
   std::optional<Nanoseconds> next_event() const;
   void advance(Nanoseconds time);
@@ -38,8 +41,10 @@ class LedDevice : public UsbipDevice {
   Nanoseconds since_power_on(Nanoseconds time) const { return time - power_on_; }
   void send();
 
-  Nanoseconds power_on_;
-  sim::LedFirmware firmware_;
+  int port_;
+  Scene& scene_;
+  Nanoseconds power_on_ = 0;
+  std::optional<sim::LedFirmware> firmware_;  // always there
   Bytes to_send_;
   int mute_ = 0, stall_ = 0;
 };

@@ -179,6 +179,7 @@ std::string Rig::obey(const std::string& line) {
     if (!all.empty() && all[0] == "begin") {
       script_.clear();
       exposures_ = 0;
+      led_.power_cycle();
       for (const auto& camera : cameras_) camera->restart_count();
       log_.write(now(), "begin", {{"name", all.at(1)}});
     } else if (line == "state") {

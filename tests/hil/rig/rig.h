@@ -28,7 +28,7 @@ class Rig {
 
   // Serves the devices and obeys the commands that come from standard input, one a line, each answered by a line
   // on standard output ("ok", an answer, or "error: ..."), until that ends. Commands:
-  //   begin NAME                 a scenario begins: the script is empty and counters start again
+  //   begin NAME                 a scenario begins: the script is empty, counters start again, the LED controller is cool
   //   state                      answered by {"lit": cells that are not dark, "script": lines that did not happen yet,
   //                              "exposures": that ended since the scenario began, of all cameras}
   //   free camN, triggered camN  how the camera exposes from now on

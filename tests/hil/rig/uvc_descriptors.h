@@ -27,7 +27,8 @@ struct UvcSize {
   int width = 0, height = 0;
   std::uint32_t shortest_interval = 0;  // any from this to kLongestInterval
 };
-constexpr std::array<UvcSize, 2> kUvcSizes{{{320, 240, 333'333}, {160, 120, 100'000}}};
+// The smallest is for cameras that run free: their pictures come whether the machine has time for them or not.
+constexpr std::array<UvcSize, 3> kUvcSizes{{{320, 240, 333'333}, {160, 120, 100'000}, {80, 60, 333'333}}};
 constexpr std::uint32_t kDefaultInterval = 333'333, kLongestInterval = 10'000'000;
 
 constexpr std::uint8_t kControlInterface = 0, kStreamingInterface = 1, kVideoEndpoint = 1;

@@ -11,7 +11,7 @@ TEST_CASE("a pass with a DMX widget, which is unplugged and plugged in again", "
   Scenario scenario("dmx");
   EmulatedRig& rig = EmulatedRig::instance();
   rig.command("plug dmx");
-  const capture::Stage stage = make_rig_stage({.lights = 30, .small_frames = true, .dmx = true});
+  const capture::Stage stage = make_rig_stage({.lights = 30, .dmx = true});
   REQUIRE(holds_within(5 * core::kSecond, [] { return !capture::usb_leds_seen().empty(); }));
   scenario.fault("at show 15 unplug dmx 300");
   scenario.capture(stage, make_rig_sequence(stage), {.attempts = 8});

@@ -8,7 +8,7 @@ namespace lightstage::hil {
 
 TEST_CASE("lost frames are taken again", "[rig][faults]") {
   Scenario scenario("lost");
-  const capture::Stage stage = make_rig_stage({.lights = 40, .small_frames = true});
+  const capture::Stage stage = make_rig_stage({.lights = 40});
   scenario.fault("at exposure 5 drop cam0");
   scenario.fault("at exposure 17 drop cam1");
   scenario.fault("at exposure 18 drop cam1");  // the retake as well
@@ -25,7 +25,7 @@ TEST_CASE("short frames and frames with an error flag are taken again", "[rig][f
   for (const bool nodrop : {false, true}) {
     const ModuleParameter parameter("uvcvideo", "nodrop", nodrop ? "1" : "0");
     Scenario scenario(nodrop ? "damaged_delivered" : "damaged_dropped");
-    const capture::Stage stage = make_rig_stage({.lights = 20, .small_frames = true});
+    const capture::Stage stage = make_rig_stage({.lights = 20});
     scenario.fault("at exposure 6 short cam0");
     scenario.fault("at exposure 11 error cam1");
     scenario.fault("at exposure 20 short cam1");
@@ -38,7 +38,7 @@ TEST_CASE("short frames and frames with an error flag are taken again", "[rig][f
 
 TEST_CASE("frames that come twice are stored once", "[rig][faults]") {
   Scenario scenario("duplicated");
-  const capture::Stage stage = make_rig_stage({.lights = 40, .small_frames = true});
+  const capture::Stage stage = make_rig_stage({.lights = 40});
   for (const int exposure : {4, 5, 6, 20, 33}) {
     scenario.fault("at exposure " + std::to_string(exposure) + " duplicate cam" + std::to_string(exposure % 2));
   }
@@ -49,7 +49,7 @@ TEST_CASE("frames that come twice are stored once", "[rig][faults]") {
 
 TEST_CASE("frames that come late are not taken for others", "[rig][faults]") {
   Scenario scenario("late");
-  const capture::Stage stage = make_rig_stage({.lights = 40, .small_frames = true});
+  const capture::Stage stage = make_rig_stage({.lights = 40});
   // Late but in time; just before, just after and well after the session gives it up: the last arrive among the frames of the
   // retake, and of the step that follows.
   int exposure = 3;
@@ -64,7 +64,7 @@ TEST_CASE("frames that come late are not taken for others", "[rig][faults]") {
 
 TEST_CASE("GPIO writes that fail, or have no effect, cost a try", "[rig][faults]") {
   Scenario scenario("gpio_writes");
-  const capture::Stage stage = make_rig_stage({.lights = 20, .small_frames = true});
+  const capture::Stage stage = make_rig_stage({.lights = 20});
   scenario.fault("at write 31 refuse gpio 1");
   scenario.fault("at write 60 refuse gpio 1");
   scenario.fault("at write 80 ignore gpio 1");

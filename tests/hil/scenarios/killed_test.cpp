@@ -16,7 +16,7 @@ namespace lightstage::hil {
 namespace {
 
 capture::Stage victims_stage() {
-  return make_rig_stage({.small_frames = true});
+  return make_rig_stage();
 }
 
 // What the victim does: everything that a capturing program does.

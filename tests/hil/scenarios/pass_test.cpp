@@ -47,30 +47,29 @@ void run_timed_pass(const std::string& name, const capture::Stage& stage, captur
 }  // namespace
 
 TEST_CASE("a pass over 100 lights in lockstep", "[rig][pass]") {
-  run_timed_pass("lockstep", make_rig_stage({.small_frames = true}), capture::Timing::kLockstep);
+  run_timed_pass("lockstep", make_rig_stage(), capture::Timing::kLockstep);
 }
 
 TEST_CASE("a pass in pictures of 320 x 240", "[rig][pass]") {
-  run_pass("large_pictures", make_rig_stage({.lights = 20}), capture::Timing::kLockstep);
+  run_pass("large_pictures", make_rig_stage({.lights = 20, .width = 320}), capture::Timing::kLockstep);
 }
 
 TEST_CASE("a pass over 100 lights, pipelined", "[rig][pass]") {
-  run_timed_pass("pipelined", make_rig_stage({.small_frames = true}), capture::Timing::kPipelined);
+  run_timed_pass("pipelined", make_rig_stage(), capture::Timing::kPipelined);
 }
 
 TEST_CASE("a pass over 100 lights with cameras that run free", "[rig][pass]") {
   const FreeRunningCameras free;
-  run_timed_pass("free_run", make_rig_stage({.pixel_formats = {"GREY", "GREY"}, .free_running = true}),
-                 capture::Timing::kFreeRun);
+  run_timed_pass("free_run", make_rig_stage({.width = 80, .free_running = true}), capture::Timing::kFreeRun);
 }
 
 TEST_CASE("a pass with one trigger line for all cameras", "[rig][pass]") {
-  run_pass("common_trigger", make_rig_stage({.lights = 20, .small_frames = true, .common_trigger = true}),
-           capture::Timing::kLockstep);
+  run_pass("common_trigger", make_rig_stage({.lights = 20, .common_trigger = true}), capture::Timing::kLockstep);
 }
 
 TEST_CASE("a pass in colour", "[rig][pass]") {
-  run_pass("colour", make_rig_stage({.lights = 8, .pixel_formats = {"RG16", "YUYV"}}), capture::Timing::kLockstep);
+  run_pass("colour", make_rig_stage({.lights = 8, .pixel_formats = {"RG16", "YUYV"}, .width = 320}),
+           capture::Timing::kLockstep);
 }
 
 TEST_CASE("the strobe line confirms exposures", "[rig][pass]") {

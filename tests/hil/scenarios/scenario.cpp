@@ -96,8 +96,8 @@ capture::Stage make_rig_stage(const RigStage& options) {
   }
   for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
     capture::StageCamera& camera = stage.cameras[i];
-    camera.model.width = options.small_frames ? 160 : 320;
-    camera.model.height = options.small_frames ? 120 : 240;
+    camera.model.width = options.width;
+    camera.model.height = options.width * 3 / 4;
     camera.responsivity = static_cast<double>(core::kSecond) / static_cast<double>(kFullScaleExposure) / (1 - kBlack);
     stage.hardware.cameras.push_back(camera_device(i, options));
   }

@@ -19,7 +19,7 @@ namespace lightstage::hil {
 struct RigStage {
   std::size_t lights = 100;
   std::vector<std::string> pixel_formats = {"Y16", "GREY"};  // of each camera
-  bool small_frames = false;                                 // 160 x 120 pixels, which are faster; else 320 x 240
+  int width = 160;                                           // of pictures: 320, 160 or 80 pixels, and 3/4 as high
   bool common_trigger = false;                               // one line for all cameras; else one each
   bool strobe = false;                                       // camera 0's is heard on a GPIO line
   bool free_running = false;

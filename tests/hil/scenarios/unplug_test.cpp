@@ -16,7 +16,7 @@ const capture::SessionOptions kPatient{.attempts = 8};
 
 void run_with(const std::string& name, std::initializer_list<const char*> faults) {
   Scenario scenario(name);
-  const capture::Stage stage = make_rig_stage({.lights = 20, .small_frames = true});
+  const capture::Stage stage = make_rig_stage({.lights = 20});
   for (const char* fault : faults) scenario.fault(fault);
   scenario.capture(stage, make_rig_sequence(stage), kPatient);
   scenario.require_all_right(stage);
@@ -45,7 +45,7 @@ TEST_CASE("a controller that stays mute ends the pass, goes dark by itself, and 
           "[rig][unplug]") {
   Scenario scenario("led_stays_mute");
   EmulatedRig& rig = EmulatedRig::instance();
-  const capture::Stage stage = make_rig_stage({.lights = 20, .small_frames = true});
+  const capture::Stage stage = make_rig_stage({.lights = 20});
   const capture::Sequence sequence = make_rig_sequence(stage);
   scenario.fault("at exposure 12 mute led 1000000");
   CHECK_THROWS_AS(scenario.capture(stage, sequence), core::DeviceError);
