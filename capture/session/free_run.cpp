@@ -137,14 +137,19 @@ class FreePass {
     for (FreeRunMatcher& matcher : matchers_) matcher.lit(step.step_index, lit, off - step.exposure_ns);
   }
 
+  // Returns in time also where frames come faster than this machine can take them: lights are on meanwhile. The driver
+  // drops what is not fetched, and its steps are taken again.
   void fetch_until(core::Nanoseconds time) {
     while (true) {
+      bool idle = true;
       for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
-        while (std::optional<CameraFrame> frame = pass_.feeds()[c].next(pass_.now()))
-          matchers_[c].add(std::move(*frame));
+        std::optional<CameraFrame> frame = pass_.feeds()[c].next(pass_.now());
+        if (!frame) continue;
+        idle = false;
+        matchers_[c].add(std::move(*frame));
       }
       if (pass_.now() >= time) return;
-      pass_.rig().clock.sleep_until(std::min(time, pass_.now() + kPoll));
+      if (idle) pass_.rig().clock.sleep_until(std::min(time, pass_.now() + kPoll));
     }
   }
 

@@ -206,12 +206,14 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
   const auto listen = [&](core::Nanoseconds until, const std::function<void(std::size_t, const CameraFrame&)>& hear) {
     do {
       core::throw_if_interrupted();
+      bool idle = true;
       for (std::size_t c = 0; c < feeds.size(); ++c) {
-        while (const std::optional<CameraFrame> frame = feeds[c].next(pass.now())) {
-          if (!frame->damaged) hear(c, *frame);
-        }
+        const std::optional<CameraFrame> frame = feeds[c].next(pass.now());
+        if (!frame) continue;
+        idle = false;
+        if (!frame->damaged) hear(c, *frame);
       }
-      pass.rig().clock.sleep_until(std::min(until, pass.now() + core::kMillisecond));
+      if (idle) pass.rig().clock.sleep_until(std::min(until, pass.now() + core::kMillisecond));
     } while (pass.now() < until);
   };
   const core::Nanoseconds until_still = 3 * period + kSearchTo / 2;  // frames under way have come by then

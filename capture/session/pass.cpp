@@ -55,14 +55,12 @@ int Pass::tries(const db::Step& step) const {
 }
 
 Pass::Triggered Pass::trigger() {
-  if (last_trigger_) {
-    core::Nanoseconds period = 0;
-    for (const CameraFeed& feed : feeds_) period = std::max(period, feed.frame_period());
-    rig_.clock.sleep_until(*last_trigger_ + period + period / 50 + core::kMillisecond / 2);
-  }
+  rig_.clock.sleep_until(cameras_ready_);
+  core::Nanoseconds period = 0;
+  for (const CameraFeed& feed : feeds_) period = std::max(period, feed.frame_period());
   Triggered result;
   result.called = now();
-  last_trigger_ = result.called;
+  cameras_ready_ = result.called + period + period / 50 + core::kMillisecond / 2;
   result.triggered = rig_.trigger->fire();
   return result;
 }

@@ -75,8 +75,8 @@ class Pass {
   std::map<int, int> tries_;
   SessionReport report_;
   core::Nanoseconds begin_;
-  std::optional<core::Nanoseconds> last_trigger_;
-  LedStatus lights_status_;  // as last asked
+  core::Nanoseconds cameras_ready_ = 0;  // for the next trigger
+  LedStatus lights_status_;              // as last asked
   core::Progress progress_;
   FrameKeeper keeper_;
 };

@@ -3,6 +3,7 @@
 #include <iterator>
 #include <random>
 
+#include "capture/sequence.h"
 #include "capture/stage.h"
 #include "core/error.h"
 
@@ -294,18 +295,23 @@ TEST_CASE("wiring without a controller is refused", "[hardware_file]") {
             .ends_with("key 'light[1].controller' is of no use: the file has no [[controller]]"));
 }
 
-TEST_CASE("the example of the hardware guide is a whole stage", "[hardware_file]") {
+TEST_CASE("the examples of the hardware guide are a sequence and a whole stage", "[hardware_file]") {
   std::ifstream file(LIGHTSTAGE_DOCS "/hardware.md");
   const std::string guide{std::istreambuf_iterator<char>(file), {}};
   const std::string fence = "```toml\n";
-  const std::size_t begin = guide.find(fence);
-  REQUIRE(begin != std::string::npos);
-  const std::string example =
-      guide.substr(begin + fence.size(), guide.find("```\n", begin + fence.size()) - begin - fence.size());
-  const Stage stage = capture::parse_stage(example, "docs/hardware.md");
+  std::vector<std::string> examples;
+  for (std::size_t at = guide.find(fence); at != std::string::npos; at = guide.find(fence, at + 1)) {
+    const std::size_t begin = at + fence.size();
+    examples.push_back(guide.substr(begin, guide.find("```\n", begin) - begin));
+  }
+  REQUIRE(examples.size() == 2);
+  const Stage stage = capture::parse_stage(examples[1], "docs/hardware.md");
   CHECK(stage.hardware.complete());
   CHECK(stage.hardware.controllers.size() == 2);
   CHECK(stage.hardware.trigger);
   CHECK(stage.hardware.strobe);
   CHECK(read_back(stage).hardware == stage.hardware);
+  const capture::Sequence sequence =
+      capture::parse_sequence(examples[0], "docs/hardware.md", stage.light_positions.size());
+  CHECK(sequence.steps.size() == 5);
 }
