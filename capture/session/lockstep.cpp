@@ -69,8 +69,13 @@ std::optional<CameraFrame> receive(Pass& pass, CameraFeed& feed, const db::Step&
 void let_late_frames_come(Pass& pass) {
   const core::Nanoseconds until = pass.now() + pass.options().frame_timeout;
   for (CameraFeed& feed : pass.feeds()) {
-    while (feed.next(until)) ++pass.report().discarded;
+    try {
+      while (feed.next(until)) ++pass.report().discarded;
+    } catch (const core::DeviceError&) {  // one that is gone sends nothing any more; the next try will tell
+      feed.forget();
+    }
   }
+  pass.rig().clock.sleep_until(until);
 }
 
 void take(Pass& pass, const db::Step& step) {

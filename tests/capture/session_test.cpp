@@ -250,6 +250,19 @@ TEST_CASE("a camera that throws does not lose the other camera's frame") {
   CHECK(report.retaken == 1);
 }
 
+TEST_CASE("a camera that fails while late frames are waited for costs a try") {
+  FakeRig fake(kLights, 2);
+  fake.delivery = [](std::size_t camera, int exposure) {
+    Delivery d;
+    d.raises_device_error = camera == 1 && exposure == 5;
+    if (d.raises_device_error) d.late = 700 * core::kMillisecond;
+    return d;
+  };
+  Pass pass(fake);
+  CHECK(pass.run().retaken == 1);
+  CHECK(pass.check_pairing() == pass.all());
+}
+
 TEST_CASE("a trigger that fails costs a try") {
   FakeRig fake(kLights, 1);
   int calls = 0;
