@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/text.h"
 
 namespace lightstage::capture {
 
@@ -19,12 +20,6 @@ constexpr core::Nanoseconds kKeepAlivePeriod = 150 * core::kMillisecond;
 constexpr std::size_t kLoadChunk = 4096;
 constexpr std::size_t kLoadHead = 16;
 constexpr std::size_t kLeastPayload = 64;
-
-std::string joined(const std::vector<std::string>& lines) {
-  std::string text;
-  for (const std::string& line : lines) text += (text.empty() ? "" : "; ") + line;
-  return text;
-}
 
 std::uint16_t level16(float level) {
   return static_cast<std::uint16_t>(std::lround(double(level) * 65535));
@@ -65,7 +60,7 @@ std::string explain(const Nak& nak) {
     case NakReason::kPastEnd:
       return "its sequence is over";
     case NakReason::kFault:
-      return "it has switched its lights off by itself (" + joined(describe_faults(nak.faults)) + ")";
+      return "it has switched its lights off by itself (" + core::joined(describe_faults(nak.faults), "; ") + ")";
     case NakReason::kResting:
       return "output " + detail + " was on for too much of the time and must rest; shoot more slowly or more briefly";
   }
@@ -209,7 +204,7 @@ struct ProtocolLeds::Impl {
   // Trouble of which no caller has heard yet.
   void throw_trouble() {
     if (reported_faults != 0) {
-      fail("it has switched its lights off by itself (" + joined(describe_faults(reported_faults)) + ")");
+      fail("it has switched its lights off by itself (" + core::joined(describe_faults(reported_faults), "; ") + ")");
     }
     if (!trouble.empty()) throw core::DeviceError(std::exchange(trouble, {}));
   }

@@ -10,15 +10,14 @@
 #include "capture/session/pipelined.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/text.h"
 
 namespace lightstage::capture {
 
 namespace {
 
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text.empty() ? "(none)" : text;
+std::string list(const std::vector<std::string>& names) {
+  return names.empty() ? "(none)" : core::joined(names, ", ");
 }
 
 void check(const db::Scan& scan, const Sequence& sequence, const Rig& rig, const SessionOptions& options) {
@@ -33,7 +32,7 @@ void check(const db::Scan& scan, const Sequence& sequence, const Rig& rig, const
   for (const Camera* camera : rig.cameras) present.push_back(camera->name());
   std::sort(wanted.begin(), wanted.end());
   std::sort(present.begin(), present.end());
-  if (wanted != present) fail("it was begun with the cameras " + joined(wanted) + ", the rig has " + joined(present));
+  if (wanted != present) fail("it was begun with the cameras " + list(wanted) + ", the rig has " + list(present));
   check_rig(what, sequence, rig, options);
 }
 

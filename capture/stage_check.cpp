@@ -8,10 +8,8 @@ namespace lightstage::capture {
 
 namespace {
 
-std::string joined(const std::vector<std::string>& words) {
-  std::string text;
-  for (const std::string& word : words) text += (text.empty() ? "" : ", ") + word;
-  return text.empty() ? "none" : text;
+std::string list(const std::vector<std::string>& words) {
+  return words.empty() ? "none" : core::joined(words, ", ");
 }
 
 // Collects what is wrong with one part of the stage file.
@@ -41,10 +39,10 @@ void check_controller(const ControllerSpec& spec, const DevicesSeen& seen, Findi
   if (matching.empty() && spec.serial.empty()) return findings.add("no " + what + " is plugged in");
   if (matching.empty()) {
     return findings.add("no " + what + " with the serial number '" + spec.serial +
-                        "' is plugged in (there are: " + joined(serials) + "): plug it in, or correct `serial`");
+                        "' is plugged in (there are: " + list(serials) + "): plug it in, or correct `serial`");
   }
   if (matching.size() > 1) {
-    return findings.add("there are several (" + joined(serials) + "): say which by `serial`");
+    return findings.add("there are several (" + list(serials) + "): say which by `serial`");
   }
   if (!matching.front()->accessible) findings.add(matching.front()->advice);
 }
@@ -84,10 +82,10 @@ void check_format(const V4l2CameraSeen& camera, const StageCamera& wanted, const
     std::vector<std::string> sizes;
     for (const V4l2Size& size : format.sizes) sizes.push_back(text(size));
     return findings.add("the camera has no " + std::to_string(wanted.model.width) + "x" +
-                        std::to_string(wanted.model.height) + " in " + format.pixel_format + " but " + joined(sizes) +
+                        std::to_string(wanted.model.height) + " in " + format.pixel_format + " but " + list(sizes) +
                         ": correct `width_pixels` and `height_pixels`");
   }
-  findings.add("the camera has no pixel format " + device.pixel_format + " but " + joined(usable) +
+  findings.add("the camera has no pixel format " + device.pixel_format + " but " + list(usable) +
                ": correct `pixel_format`");
 }
 
@@ -99,11 +97,11 @@ void check_camera(const StageCamera& wanted, const CameraDevice& device, const D
     if (matches(camera, device.match)) matching.push_back(&camera);
   }
   if (matching.empty()) {
-    return findings.add("no camera matches '" + device.match + "' (there are: " + joined(names) +
+    return findings.add("no camera matches '" + device.match + "' (there are: " + list(names) +
                         "): plug it in, or correct `match`");
   }
   if (matching.size() > 1) {
-    return findings.add("several cameras match '" + device.match + "': match by bus path (" + joined(names) + ")");
+    return findings.add("several cameras match '" + device.match + "': match by bus path (" + list(names) + ")");
   }
   if (!matching.front()->problem.empty()) return findings.add(matching.front()->problem);
   check_format(*matching.front(), wanted, device, findings);
@@ -128,7 +126,7 @@ void check_lines(const std::string& chip_label, const std::vector<std::string>& 
     if (chip.label == chip_label || chip.path == chip_label) matching.push_back(&chip);
   }
   if (matching.empty()) {
-    return findings.add("no GPIO chip '" + chip_label + "' is plugged in (there are: " + joined(names) +
+    return findings.add("no GPIO chip '" + chip_label + "' is plugged in (there are: " + list(names) +
                         "): plug it in, or correct `chip`");
   }
   if (matching.size() > 1) {

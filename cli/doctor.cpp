@@ -10,6 +10,7 @@
 #include "cli/report/devices.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/text.h"
 #include "core/version.h"
 #include "model/engine_info.h"
 
@@ -52,8 +53,7 @@ void run_doctor(const std::filesystem::path& stage_file, Context& context) {
   const std::vector<std::string> of_stage =
       stage ? capture::stage_problems(*stage, devices) : std::vector<std::string>();
 
-  std::string features;
-  for (const std::string& feature : cpu_features()) features += (features.empty() ? "" : " ") + feature;
+  const std::string features = core::joined(cpu_features(), " ");
   const std::vector<std::pair<std::string, std::string>> rows{
       {"version", core::kVersion},
       {"threads", std::to_string(core::thread_count())},

@@ -5,6 +5,7 @@
 #include "capture/usb_leds.h"
 #include "cli/commands.h"
 #include "core/error.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -20,13 +21,11 @@ void turn_stage_off(const Options& options, Context& context) {
   core::SystemClock clock;
   const std::vector<std::string> failures = capture::turn_lights_off(stage, clock);
   const std::size_t controllers = stage.hardware.controllers.size();
-  std::string list;
-  for (const std::string& failure : failures) list += (list.empty() ? "" : "; ") + failure;
   context.result(failures.empty() ? "all lights of '" + stage.name + "' are off\n" : "",
                  {{"stage", stage.name}, {"controllers", controllers}, {"failed", failures}});
   if (!failures.empty()) {
     throw core::DeviceError("LIGHTS MAY STILL BE ON, cut their power: " + std::to_string(failures.size()) + " of " +
-                            std::to_string(controllers) + " controllers do not obey: " + list);
+                            std::to_string(controllers) + " controllers do not obey: " + core::joined(failures, "; "));
   }
 }
 

@@ -1,4 +1,4 @@
-// Small text: trimming, numbers that do not depend on the locale, and the name a user probably meant.
+// Small text: trimming, lists, numbers that do not depend on the locale, and the name a user probably meant.
 #pragma once
 
 #include <cstdint>
@@ -15,6 +15,9 @@ std::string_view trim(std::string_view text);
 
 // The pieces between separators; n separators give n + 1 pieces, which may be empty.
 std::vector<std::string_view> split(std::string_view text, char separator);
+
+// The pieces one after another with the separator between them; empty for none.
+std::string joined(std::span<const std::string> pieces, std::string_view separator);
 
 // The whole text as one decimal number, a leading '+' allowed; nothing when anything else is there or the
 // value does not fit. "inf" and "nan" parse to what they say: callers that need finite values must look.

@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "core/error.h"
+#include "core/text.h"
 
 namespace lightstage::capture {
 
@@ -93,9 +94,8 @@ void Pass::keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame)
 void Pass::check_lights() {
   lights_status_ = rig_.lights.status();
   if (lights_status_.faults.empty()) return;
-  std::string faults;
-  for (const std::string& fault : lights_status_.faults) faults += (faults.empty() ? "" : "; ") + fault;
-  throw core::DeviceError("the LED controller switched lights off by itself: " + faults);
+  throw core::DeviceError("the LED controller switched lights off by itself: " +
+                          core::joined(lights_status_.faults, "; "));
 }
 
 void Pass::show_progress(const db::Step& step) {
