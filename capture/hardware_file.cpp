@@ -9,6 +9,7 @@
 #include "capture/toml/hardware.h"
 #include "capture/toml/number.h"
 #include "capture/toml/text.h"
+#include "capture/usb/dmx_message.h"
 #include "capture/v4l2/pixel_format.h"
 #include "core/text.h"
 
@@ -16,22 +17,11 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr int kHighestOutput = 4095;  // a controller of the own protocol has 4096 at most
-constexpr int kDmxChannels = 512;     // of one DMX512 universe
+constexpr int kHighestOutput = static_cast<int>(kMaxLedOutputs) - 1;
+constexpr int kHighestDmxChannel = static_cast<int>(kDmxChannels);  // they count from 1
 constexpr double kShortestPulseUs = 1, kLongestPulseUs = 1e6;
 constexpr double kLargestOffsetMs = 10e3;
 constexpr std::size_t kMostCoefficients = 8;
-
-// Nanoseconds survive the trip through decimal fractions of larger units: below 2^52 ns the rounding of both conversions
-// together is less than half a nanosecond.
-double in_units(core::Nanoseconds time, core::Nanoseconds unit) {
-  return static_cast<double>(time) / static_cast<double>(unit);
-}
-core::Nanoseconds from_units(double count, core::Nanoseconds unit) {
-  return std::llround(count * static_cast<double>(unit));
-}
-
-constexpr core::Nanoseconds kMicrosecond = 1000;
 
 std::string_view to_string(ControllerKind kind) {
   return kind == ControllerKind::kLightstage ? "lightstage" : "enttec_dmx_usb_pro";
@@ -137,7 +127,7 @@ class WiringReader {
     if (dmx ? numbers.size() != 1 && numbers.size() != 3 : numbers.size() != 1) {
       light.fail("channels", dmx ? "must be 1 or 3 DMX channels" : "must be one output of the controller");
     }
-    const int lowest = dmx ? 1 : 0, highest = dmx ? kDmxChannels : kHighestOutput;
+    const int lowest = dmx ? 1 : 0, highest = dmx ? kHighestDmxChannel : kHighestOutput;
     std::vector<int> channels;
     for (const double number : numbers) {
       if (number != std::floor(number) || number < lowest || number > highest) {
@@ -212,7 +202,7 @@ CameraDevice read_device(const core::TomlTable& table) {
   device.triggered = table.boolean("triggered", device.triggered);
   const double offset_ms = table.number("timestamp_offset_ms", 0);
   if (std::abs(offset_ms) > kLargestOffsetMs) table.fail("timestamp_offset_ms", "must be -10000 to 10000 (10 s)");
-  device.timestamp_offset = from_units(offset_ms, core::kMillisecond);
+  device.timestamp_offset = core::from_units(offset_ms, core::kMillisecond);
   return device;
 }
 
@@ -252,9 +242,9 @@ TriggerSpec read_trigger(const core::TomlTable& table, std::size_t camera_count)
   if (std::any_of(trigger.lines.begin(), trigger.lines.end(), [](const auto& line) { return line.empty(); })) {
     table.fail("lines", "must not be empty");
   }
-  const double pulse_us = table.number("pulse_us", in_units(trigger.pulse, kMicrosecond));
+  const double pulse_us = table.number("pulse_us", core::in_units(trigger.pulse, core::kMicrosecond));
   if (pulse_us < kShortestPulseUs || pulse_us > kLongestPulseUs) table.fail("pulse_us", "must be 1 to 1000000 (1 s)");
-  trigger.pulse = from_units(pulse_us, kMicrosecond);
+  trigger.pulse = core::from_units(pulse_us, core::kMicrosecond);
   trigger.active_low = table.boolean("active_low", false);
   return trigger;
 }
@@ -312,7 +302,7 @@ std::string controllers_and_lines_toml(const Hardware& hardware) {
   if (hardware.trigger) {
     text += "\n[trigger]\nchip = " + toml_string(hardware.trigger->chip) + "\n";
     text += "lines = " + list(hardware.trigger->lines, [](const std::string& l) { return toml_string(l); }) + "\n";
-    text += "pulse_us = " + toml_number(in_units(hardware.trigger->pulse, kMicrosecond)) + "\n";
+    text += "pulse_us = " + toml_number(core::in_units(hardware.trigger->pulse, core::kMicrosecond)) + "\n";
     text += "active_low = " + std::string(to_string(hardware.trigger->active_low)) + "\n";
   }
   if (hardware.strobe) {
@@ -330,7 +320,7 @@ std::string device_toml(const CameraDevice& device) {
   text += "black_level = " + toml_number(device.black_level) + "\n";
   text += "linearisation = " + list(device.linearisation, toml_number) + "\n";
   text += "triggered = " + std::string(to_string(device.triggered)) + "\n";
-  text += "timestamp_offset_ms = " + toml_number(in_units(device.timestamp_offset, core::kMillisecond)) + "\n";
+  text += "timestamp_offset_ms = " + toml_number(core::in_units(device.timestamp_offset, core::kMillisecond)) + "\n";
   return text;
 }
 

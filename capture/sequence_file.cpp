@@ -14,13 +14,11 @@ constexpr double kLongestSettleMs = 60e3;
 constexpr double kLongestHoldMs = 500;
 constexpr std::size_t kMaxSteps = 1'000'000;
 
-// Nanoseconds survive the trip through decimal milliseconds: below 2^52 ns the rounding of both conversions
-// together is less than half a nanosecond.
 double milliseconds(core::Nanoseconds time) {
-  return static_cast<double>(time) / 1e6;
+  return core::in_units(time, core::kMillisecond);
 }
 core::Nanoseconds nanoseconds(double time_ms) {
-  return std::llround(time_ms * 1e6);
+  return core::from_units(time_ms, core::kMillisecond);
 }
 
 // The last step of the run of single lights with rising index and one exposure that starts at `first`.

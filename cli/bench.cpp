@@ -76,7 +76,7 @@ void run_bench_model(const Options& options, Context& context) {
 }
 
 core::Nanoseconds nanoseconds(double milliseconds) {
-  return core::Nanoseconds(std::llround(milliseconds * 1e6));
+  return core::from_units(milliseconds, core::kMillisecond);
 }
 
 void run_bench_capture(const CaptureOptions& options, Context& context) {

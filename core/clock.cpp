@@ -1,9 +1,18 @@
 #include "core/clock.h"
 
 #include <cerrno>
+#include <cmath>
 #include <ctime>
 
 namespace lightstage::core {
+
+double in_units(Nanoseconds time, Nanoseconds unit) {
+  return static_cast<double>(time) / static_cast<double>(unit);
+}
+
+Nanoseconds from_units(double count, Nanoseconds unit) {
+  return std::llround(count * static_cast<double>(unit));
+}
 
 Nanoseconds SystemClock::now() const {
   timespec t{};

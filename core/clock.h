@@ -9,8 +9,14 @@
 namespace lightstage::core {
 
 using Nanoseconds = std::int64_t;
+constexpr Nanoseconds kMicrosecond = 1'000;
 constexpr Nanoseconds kMillisecond = 1'000'000;
 constexpr Nanoseconds kSecond = 1'000'000'000;
+
+// As a decimal number of units, and back, to the nearest nanosecond: below 2^52 ns the rounding of both conversions together
+// is less than half a nanosecond, so that times survive the trip through text.
+double in_units(Nanoseconds time, Nanoseconds unit);
+Nanoseconds from_units(double count, Nanoseconds unit);
 
 class Clock {
  public:

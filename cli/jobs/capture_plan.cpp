@@ -51,11 +51,7 @@ void resize(core::CameraModel& camera, int size) {
   camera.width = size;
 }
 
-core::Nanoseconds nanoseconds(double milliseconds) {
-  return core::Nanoseconds(std::llround(milliseconds * 1e6));
-}
-
-core::Nanoseconds in_units(core::Nanoseconds exposure) {
+core::Nanoseconds whole_units(core::Nanoseconds exposure) {
   return std::max<core::Nanoseconds>(1, (exposure + kExposureUnit / 2) / kExposureUnit) * kExposureUnit;
 }
 
@@ -69,11 +65,11 @@ capture::Sequence default_sequence(const CaptureRequest& request, std::size_t li
     olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
     olat.exposure = kMirrorExposure;
   }
-  if (request.exposure_ms) olat.exposure = nanoseconds(*request.exposure_ms);
+  if (request.exposure_ms) olat.exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
   if (!request.simulate) {
-    if (!request.exposure_ms) olat.exposure = in_units(olat.exposure);
+    if (!request.exposure_ms) olat.exposure = whole_units(olat.exposure);
     olat.full_on_exposure =
-        in_units(olat.full_on_exposure.value_or(capture::default_full_on_exposure(olat.exposure, lights)));
+        whole_units(olat.full_on_exposure.value_or(capture::default_full_on_exposure(olat.exposure, lights)));
   }
   return capture::make_olat_sequence(olat);
 }
@@ -125,7 +121,7 @@ CaptureProvenance plan_capture(const CaptureRequest& request) {
   provenance.sequence = request.sequence_file.empty() ? default_sequence(request, lights)
                                                       : capture::read_sequence(request.sequence_file, lights);
   if (request.timing) provenance.sequence.timing = *request.timing;
-  if (request.settle_ms) provenance.sequence.settle = nanoseconds(*request.settle_ms);
+  if (request.settle_ms) provenance.sequence.settle = core::from_units(*request.settle_ms, core::kMillisecond);
   return provenance;
 }
 
