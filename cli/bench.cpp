@@ -25,6 +25,7 @@ struct CaptureOptions {
   int cameras = 2;
   double exposure_ms = 8, settle_ms = 2, command_ms = 1, transfer_ms = 20, jitter_ms = 2, camera_fps = 60;
   double loss_percent = 0;
+  bool untriggered = false;
 };
 
 nlohmann::ordered_json or_null(const std::optional<double>& value) {
@@ -89,7 +90,8 @@ void run_bench_capture(const CaptureOptions& options, Context& context) {
                  .transfer = nanoseconds(options.transfer_ms),
                  .transfer_jitter = nanoseconds(options.jitter_ms),
                  .shortest_period = nanoseconds(1000 / options.camera_fps),
-                 .stamped_on_arrival = true};
+                 .stamped_on_arrival = !options.untriggered,
+                 .triggered = !options.untriggered};
   bench.drop_probability = options.loss_percent / 100;
   const std::vector<sim::TimingRow> rows = sim::bench_timing(bench);
 
@@ -131,6 +133,7 @@ void run_bench_capture(const CaptureOptions& options, Context& context) {
                                            {"transfer_jitter_ms", options.jitter_ms},
                                            {"camera_fps", options.camera_fps},
                                            {"loss_percent", options.loss_percent},
+                                           {"untriggered", options.untriggered},
                                            {"modes", modes}});
 }
 
@@ -159,6 +162,9 @@ void add_bench_capture(CLI::App& bench, Context& context) {
   command->add_option("--loss", options->loss_percent, "Frames that never arrive, percent")
       ->capture_default_str()
       ->check(number_between(0.0, 20.0));
+  command->add_flag(
+      "--untriggered", options->untriggered,
+      "Cameras without a trigger input, which stamp the start of their exposures: lockstep against free_run");
   command->footer("Example:\n  lightstage bench capture --loss 1 --json");
   command->callback([options, &context] { run_bench_capture(*options, context); });
 }

@@ -105,7 +105,9 @@ class SimulatedCamera : public capture::Camera {
         camera_index_(camera_index),
         lights_(lights),
         clock_(clock),
-        times_(times) {}
+        times_(times) {
+    set_free(!times_.triggered);
+  }
 
   std::string name() const override { return camera_.name; }
 
@@ -115,13 +117,12 @@ class SimulatedCamera : public capture::Camera {
                               std::to_string(static_cast<double>(exposure) / 1e6));
     }
     run_until(clock_.now());
+    if (exposure_ == 0) next_start_ = std::max(next_start_, clock_.now());
     exposure_ = exposure;
   }
 
   void set_exposing(capture::Exposing exposing) override {
-    free_ = exposing == capture::Exposing::kFreeRunning;
-    const double phase = uniform(seed_for(kPhase, 0), 0);
-    next_start_ = clock_.now() + std::llround(phase * static_cast<double>(times_.shortest_period));
+    if (times_.triggered) set_free(exposing == capture::Exposing::kFreeRunning);
   }
 
   core::Nanoseconds frame_period() const override { return std::max(exposure_, times_.shortest_period); }
@@ -136,7 +137,7 @@ class SimulatedCamera : public capture::Camera {
   }
 
   std::optional<capture::CameraFrame> wait_frame(core::Nanoseconds deadline) override {
-    run_until(deadline);
+    run_until_frame(deadline);
     if (pending_.empty() || pending_.front().ready > deadline) {
       clock_.sleep_until(deadline);
       return std::nullopt;
@@ -178,12 +179,23 @@ class SimulatedCamera : public capture::Camera {
     if (contains(faults().duplicate_exposures, number)) pending_.push_back(pending);
   }
 
-  // The exposures of a camera that runs free, up to this time.
+  void set_free(bool free) {
+    free_ = free;
+    const double phase = uniform(seed_for(kPhase, 0), 0);
+    next_start_ = clock_.now() + std::llround(phase * static_cast<double>(times_.shortest_period));
+  }
+
+  // The exposures of a camera that runs free, up to this time; up to one that gave a frame, where there is none to deliver yet:
+  // later ones may be of another length.
   void run_until(core::Nanoseconds time) {
-    while (free_ && exposure_ > 0 && next_start_ <= time) {
-      expose(next_start_, next_start_, free_exposures_++);
-      next_start_ += frame_period();
-    }
+    while (free_ && exposure_ > 0 && next_start_ <= time) expose_freely();
+  }
+  void run_until_frame(core::Nanoseconds time) {
+    while (free_ && exposure_ > 0 && next_start_ <= time && pending_.empty()) expose_freely();
+  }
+  void expose_freely() {
+    expose(next_start_, next_start_, free_exposures_++);
+    next_start_ += frame_period();
   }
 
   const FaultSpec& faults() const { return world_.simulation().faults; }

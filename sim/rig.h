@@ -18,6 +18,7 @@ struct DeviceTimes {
   core::Nanoseconds transfer_jitter = 0;  // up to so much longer
   core::Nanoseconds shortest_period = 0;  // between the starts of a camera's exposures
   bool stamped_on_arrival = false;        // frames carry the time at which they can be fetched
+  bool triggered = true;                  // cameras have a trigger input; others always run free
 };
 
 // LEDs with rise time, cameras with exposure, jitter, noise and quantisation, a trigger; and faults as the

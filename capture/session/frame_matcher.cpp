@@ -95,10 +95,11 @@ std::optional<core::Nanoseconds> StampLine::next_stamp(core::Nanoseconds time) c
 }
 
 void FreeRunMatcher::change(core::Nanoseconds begin, core::Nanoseconds exposure, core::Nanoseconds period,
-                            Latency latency, core::Nanoseconds tolerance) {
+                            Latency latency, core::Nanoseconds tolerance, core::Nanoseconds arrival) {
   // Exposures at another rate in between shift the phase: then the line of before is of no use.
   if (!kinds_.empty() && kinds_.back().period != period) lines_.erase(exposure);
-  kinds_.push_back({begin, exposure, period, {latency.least - tolerance, latency.most + tolerance}, tolerance});
+  kinds_.push_back(
+      {begin, exposure, period, {latency.least - tolerance, latency.most + tolerance}, tolerance, arrival});
   lines_.try_emplace(exposure, period);
 }
 
@@ -144,7 +145,7 @@ FreeRunMatcher::Closed FreeRunMatcher::close(core::Nanoseconds now) {
     const Window& window = windows_.front();
     const Kind& kind = kinds_[window.kind];
     // One more exposure's stamp may be that late, and its frame still be under way.
-    if (window.last_start + kind.latency.most + kind.period > now) break;
+    if (window.last_start + kind.latency.most + kind.arrival + kind.period > now) break;
     const auto shows = [&](const CertainInLine& f) {
       return f.kind == window.kind && f.frame.timestamp - kind.latency.most >= window.first_start &&
              f.frame.timestamp - kind.latency.least <= window.last_start;

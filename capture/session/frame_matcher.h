@@ -81,11 +81,11 @@ class StampLine {
 // Frames of a camera that runs free.
 class FreeRunMatcher {
  public:
-  // From `begin` on every exposure is of this length, one each `period`, with this latency of its stamps; until the one before has begun for the
-  // last time, frames belong to that. Latency is widened by `tolerance` on both sides; a frame whose stamp is later than that
-  // after the line of its kind is not certain.
+  // From `begin` on every exposure is of this length, one each `period`, with this latency of its stamps; until the one before
+  // has begun for the last time, frames belong to that. Latency is widened by `tolerance` on both sides; a frame whose stamp is
+  // later than that after the line of its kind is not certain. Frames come at most `arrival` after their stamp.
   void change(core::Nanoseconds begin, core::Nanoseconds exposure, core::Nanoseconds period, Latency latency,
-              core::Nanoseconds tolerance);
+              core::Nanoseconds tolerance, core::Nanoseconds arrival);
 
   // Exposures that begin within these times show this step alone. Steps come in the order of time.
   void lit(int step, core::Nanoseconds first_start, core::Nanoseconds last_start);
@@ -110,7 +110,7 @@ class FreeRunMatcher {
   struct Kind {
     core::Nanoseconds begin = 0, exposure = 0, period = 0;
     Latency latency;  // widened
-    core::Nanoseconds tolerance = 0;
+    core::Nanoseconds tolerance = 0, arrival = 0;
   };
   struct Window {
     int step = 0;

@@ -1,5 +1,7 @@
 #include "capture/session/free_run.h"
 
+#include <algorithm>
+
 #include "capture/session/latency.h"
 #include "capture/session/witness.h"
 #include "core/error.h"
@@ -9,8 +11,7 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr core::Nanoseconds kPoll = core::kMillisecond / 2;  // between looks for frames
-constexpr int kPatiencePeriods = 12;                         // in which the frames that a stamp line needs come
+constexpr int kPatiencePeriods = 12;  // in which the frames that a stamp line needs come
 constexpr std::size_t kStepsBetweenCloses = 16;
 
 class FreePass {
@@ -42,7 +43,8 @@ class FreePass {
   }
 
  private:
-  void round(const std::vector<const db::Step*>& steps) {
+  void round(std::vector<const db::Step*> steps) {
+    add_witness(steps);
     matchers_.clear();
     witnesses_.clear();
     exposure_.reset();
@@ -58,15 +60,22 @@ class FreePass {
       if (++steps_since_close_ >= kStepsBetweenCloses) close();
     }
     // What is still under way comes, or not.
-    fetch_until(pass_.now() + latest_ + 2 * period_ + kPoll);
+    fetch_until(pass_.now() + latest_ + 2 * period_ + core::kMillisecond);
     close();
     for (std::size_t c = 0; c < witnesses_.size(); ++c) {
-      if (!matchers_[c].lagging()) keep(c, witnesses_[c].rest());
+      if (!matchers_[c].lagging()) keep_rest(pass_, c, witnesses_[c]);
     }
     if (lagging()) {
       core::note("a camera's time stamps have shifted: its frames since the last tracking frame are taken again");
       references_.clear();
     }
+  }
+
+  // Steps that are taken again may hold no witness after them: the pass's last one is shown once more.
+  void add_witness(std::vector<const db::Step*>& steps) const {
+    const std::vector<db::Step>& all = pass_.sequence().steps;
+    const auto witness = std::find_if(all.rbegin(), all.rend(), [](const db::Step& s) { return is_bright(s.kind); });
+    if (witness != all.rend() && !is_bright(steps.back()->kind)) steps.push_back(&*witness);
   }
 
   bool lagging() const {
@@ -103,21 +112,21 @@ class FreePass {
       feed.set_exposure(exposure);
       const CameraReference& camera = reference.cameras[c];
       period_ = std::max(period_, feed.frame_period());
-      latest_ = std::max(latest_, camera.latency.most + camera.tolerance);
+      latest_ = std::max(latest_, camera.latency.most + camera.tolerance + camera.arrival);
       in_doubt_ = std::max(in_doubt_, camera.latency.range() + 3 * camera.tolerance);
     }
     // The exposure under way and perhaps the one after it are still of the length before.
     const core::Nanoseconds begin = pass_.now() + 2 * period_;
     for (std::size_t c = 0; c < matchers_.size(); ++c) {
       matchers_[c].change(begin, exposure, pass_.feeds()[c].frame_period(), reference.cameras[c].latency,
-                          reference.cameras[c].tolerance);
+                          reference.cameras[c].tolerance, reference.cameras[c].arrival);
     }
     fetch_until(begin);
     const core::Nanoseconds patience = begin + latest_ + kPatiencePeriods * period_;
     const auto known = [&] {
       return std::all_of(matchers_.begin(), matchers_.end(), [](const auto& m) { return m.knows_next(); });
     };
-    while (!known() && pass_.now() < patience) fetch_until(pass_.now() + kPoll);
+    while (!known() && pass_.now() < patience) fetch_until(pass_.now() + core::kMillisecond / 2);
   }
 
   void take(const db::Step& step) {
@@ -137,20 +146,8 @@ class FreePass {
     for (FreeRunMatcher& matcher : matchers_) matcher.lit(step.step_index, lit, off - step.exposure_ns);
   }
 
-  // Returns in time also where frames come faster than this machine can take them: lights are on meanwhile. The driver
-  // drops what is not fetched, and its steps are taken again.
   void fetch_until(core::Nanoseconds time) {
-    while (true) {
-      bool idle = true;
-      for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
-        std::optional<CameraFrame> frame = pass_.feeds()[c].next(pass_.now());
-        if (!frame) continue;
-        idle = false;
-        matchers_[c].add(std::move(*frame));
-      }
-      if (pass_.now() >= time) return;
-      if (idle) pass_.rig().clock.sleep_until(std::min(time, pass_.now() + kPoll));
-    }
+    pass_.listen(time, [&](std::size_t camera, CameraFrame frame) { matchers_[camera].add(std::move(frame)); });
   }
 
   // Keeps what is certain of the steps whose frames must have come.
@@ -160,15 +157,7 @@ class FreePass {
     for (std::size_t c = 0; c < matchers_.size(); ++c) {
       FreeRunMatcher::Closed closed = matchers_[c].close(pass_.now());
       pass_.report().dropped += closed.steps - closed.matched.size();
-      Witness::Verdict verdict = witnesses_[c].hear(std::move(closed.matched), pass_.sequence().steps);
-      pass_.report().discarded += verdict.refused;
-      keep(c, std::move(verdict.admitted));
-    }
-  }
-
-  void keep(std::size_t camera, std::vector<MatchedFrame> frames) {
-    for (MatchedFrame& frame : frames) {
-      pass_.keep(pass_.step(frame.step), pass_.feeds()[camera], std::move(frame.frame));
+      keep_admitted(pass_, c, witnesses_[c], std::move(closed.matched));
     }
   }
 

@@ -17,11 +17,17 @@ constexpr int kFlashes = 8;
 // The whole stage must not flash faster than 3 times a second: that can set off seizures (ITU-R BT.1702).
 constexpr core::Nanoseconds kFlashLeast = 170 * core::kMillisecond;
 constexpr core::Nanoseconds kLeastTolerance = 1 * core::kMillisecond;
+constexpr core::Nanoseconds kInterruptDelay = 50 * core::kMillisecond;  // that Ctrl-C may take
 constexpr core::Nanoseconds kSearchFrom = -50 * core::kMillisecond, kSearchTo = 500 * core::kMillisecond,
                             kSearchStep = core::kMillisecond / 5;
 
 [[noreturn]] void fail(const CameraFeed& feed, const std::string& problem) {
   throw core::DeviceError("camera '" + feed.name() + "' cannot be timed: " + problem);
+}
+
+// How much later than any that was seen frames may come, where those took so long.
+core::Nanoseconds spare(core::Nanoseconds longest) {
+  return longest / 2 + core::kMillisecond;
 }
 
 std::vector<LightLevel> all_lights(const Pass& pass, float level) {
@@ -84,7 +90,7 @@ Brightness brightness_of(const std::vector<SeenFrame>& frames) {
 // How many frames this latency explains.
 std::size_t explained(const std::vector<SeenFrame>& frames, const std::vector<Switching>& switchings,
                       const Brightness& brightness, core::Nanoseconds exposure, core::Nanoseconds latency) {
-  constexpr double kSlack = 0.08;  // lights that rise slowly, noise
+  constexpr double kSlack = 0.05;  // lights that rise slowly, noise
   const auto fits = [&](const SeenFrame& frame) {
     const double share = (frame.mean - brightness.dark) / (brightness.full - brightness.dark);
     const auto [least, most] = lit_share(switchings, frame.timestamp - latency, exposure);
@@ -112,13 +118,6 @@ Latency best_latency(const CameraFeed& feed, const std::vector<SeenFrame>& frame
   return {best.least - kSearchStep, best.most + kSearchStep};
 }
 
-// How far stamps stray from even spacing.
-core::Nanoseconds jitter(const std::vector<core::Nanoseconds>& off_line) {
-  core::Nanoseconds most = 0;
-  for (const core::Nanoseconds value : off_line) most = std::max(most, std::abs(value));
-  return most;
-}
-
 }  // namespace
 
 double mean_value(const core::Image& image) {
@@ -138,11 +137,10 @@ std::map<core::Nanoseconds, Brightness> brightness_of(const std::map<core::Nanos
 
 Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
   struct Seen {
-    std::vector<core::Nanoseconds> after_call, after_trigger;
-    core::Nanoseconds arrival = 0;
+    Latency stamp{std::numeric_limits<core::Nanoseconds>::max(), std::numeric_limits<core::Nanoseconds>::min()};
+    core::Nanoseconds under_way = 0;  // after the stamp
     Brightness sum;
     int dark = 0, full = 0;
-    std::size_t bytes = 0;
   };
   std::vector<CameraFeed>& feeds = pass.feeds();
   std::vector<Seen> seen(feeds.size());
@@ -161,28 +159,25 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
     for (std::size_t c = 0; c < feeds.size(); ++c) {
       const auto result = feeds[c].receive(called, called + exposure + pass.options().frame_timeout);
       if (!result.frame) continue;
-      seen[c].arrival = std::max(seen[c].arrival, pass.now() - called);
-      seen[c].after_call.push_back(result.frame->timestamp - called);
-      seen[c].after_trigger.push_back(result.frame->timestamp - triggered);
+      const core::Nanoseconds stamp = result.frame->timestamp;
+      seen[c].stamp = {std::min(seen[c].stamp.least, stamp - triggered), std::max(seen[c].stamp.most, stamp - called)};
+      seen[c].under_way = std::max(seen[c].under_way, pass.now() - stamp);
       (lit ? seen[c].sum.full : seen[c].sum.dark) += mean_value(result.frame->image);
       ++(lit ? seen[c].full : seen[c].dark);
-      seen[c].bytes = result.frame->image.values().size_bytes();
     }
   }
   for (std::size_t c = 0; c < feeds.size(); ++c) {
-    if (seen[c].dark == 0 || seen[c].full == 0 || seen[c].after_call.size() < 3) {
-      fail(feeds[c], "of " + std::to_string(kTriggeredFrames) + " triggered frames " +
-                         std::to_string(seen[c].after_call.size()) + " came");
+    const int came = seen[c].dark + seen[c].full;
+    if (seen[c].dark == 0 || seen[c].full == 0 || came < 3) {
+      fail(feeds[c], "of " + std::to_string(kTriggeredFrames) + " triggered frames " + std::to_string(came) + " came");
     }
     CameraReference camera;
-    camera.latency = {*std::min_element(seen[c].after_trigger.begin(), seen[c].after_trigger.end()),
-                      *std::max_element(seen[c].after_call.begin(), seen[c].after_call.end())};
+    camera.latency = seen[c].stamp;
+    camera.arrival = seen[c].under_way + spare(camera.latency.most + seen[c].under_way);
     camera.tolerance = kLeastTolerance + camera.latency.range() / 2;
     camera.latency.least -= camera.tolerance;
     camera.latency.most += camera.tolerance;
     camera.brightness = {seen[c].sum.dark / seen[c].dark, seen[c].sum.full / seen[c].full};
-    camera.arrival = 3 * seen[c].arrival / 2 + camera.tolerance;
-    camera.frame_bytes = seen[c].bytes;
     reference.cameras.push_back(camera);
   }
   return reference;
@@ -198,23 +193,17 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
   }
   std::vector<std::vector<SeenFrame>> frames(feeds.size());
   std::vector<StampLine> lines;
-  std::vector<std::vector<core::Nanoseconds>> off_line(feeds.size());
-  std::vector<std::size_t> bytes(feeds.size(), 0);
+  std::vector<core::Nanoseconds> jitter(feeds.size(), 0), under_way(feeds.size(), 0);
   for (CameraFeed& feed : feeds) lines.emplace_back(feed.frame_period());
   std::vector<double> full(feeds.size(), 0);
   bool clipped = false;
   const auto listen = [&](core::Nanoseconds until, const std::function<void(std::size_t, const CameraFrame&)>& hear) {
-    do {
+    while (pass.now() < until) {
       core::throw_if_interrupted();
-      bool idle = true;
-      for (std::size_t c = 0; c < feeds.size(); ++c) {
-        const std::optional<CameraFrame> frame = feeds[c].next(pass.now());
-        if (!frame) continue;
-        idle = false;
-        if (!frame->damaged) hear(c, *frame);
-      }
-      if (idle) pass.rig().clock.sleep_until(std::min(until, pass.now() + core::kMillisecond));
-    } while (pass.now() < until);
+      pass.listen(std::min(until, pass.now() + kInterruptDelay), [&](std::size_t c, const CameraFrame& frame) {
+        if (!frame.damaged) hear(c, frame);
+      });
+    }
   };
   const core::Nanoseconds until_still = 3 * period + kSearchTo / 2;  // frames under way have come by then
   // All lights, still: how bright that is, and whether it is too bright to tell how long the lights were on.
@@ -229,9 +218,9 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
   std::vector<Switching> switchings{switch_lights(pass, false)};
   listen(pass.now() + until_still, [](std::size_t, const CameraFrame&) {});
   const auto note = [&](std::size_t c, const CameraFrame& frame) {
-    if (const auto off = lines[c].note(frame)) off_line[c].push_back(*off);
+    if (const auto off_line = lines[c].note(frame)) jitter[c] = std::max(jitter[c], *off_line);
+    under_way[c] = std::max(under_way[c], pass.now() - frame.timestamp);
     frames[c].push_back({frame.timestamp, mean_value(frame.image)});
-    bytes[c] = frame.image.values().size_bytes();
   };
   for (int i = 0; i < kFlashes; ++i) {
     // Times that fit no multiple of the period, each another, so that only one delay explains them all.
@@ -252,8 +241,8 @@ Reference measure_free_running(Pass& pass, core::Nanoseconds exposure) {
     }
     camera.latency = best_latency(feeds[c], frames[c], switchings, camera.brightness, exposure);
     camera.brightness.full = full[c];
-    camera.tolerance = kLeastTolerance / 2 + jitter(off_line[c]);
-    camera.frame_bytes = bytes[c];
+    camera.arrival = under_way[c] + spare(camera.latency.most + under_way[c]);
+    camera.tolerance = kLeastTolerance / 4 + jitter[c];
     reference.cameras.push_back(camera);
   }
   return reference;

@@ -14,9 +14,8 @@ struct Brightness {
 struct CameraReference {
   Latency latency;
   core::Nanoseconds tolerance = 0;  // by how much stamps may lie outside without a reason to doubt them
-  core::Nanoseconds arrival = 0;    // frames have come so long after their trigger, with time to spare
+  core::Nanoseconds arrival = 0;    // frames come so long after their stamp, with time to spare
   Brightness brightness;
-  std::size_t frame_bytes = 0;
 };
 
 struct Reference {
@@ -34,9 +33,10 @@ double mean_value(const core::Image& image);
 // the camera's own delay included. Frames are thrown away. DeviceError, naming the camera, where too few frames come.
 Reference measure_triggered(Pass& pass, core::Nanoseconds exposure);
 
-// The same for cameras that run free, whose exposures nobody starts: the lights are switched on and off at irregular times,
-// (never faster than 3 times a second: that can harm), and the latency is what explains how much light each frame saw. Takes about 3 s. DeviceError where no latency
-// within -50 to 500 ms explains three quarters of the frames, or the cameras do not see the lights.
+// The same for cameras that run free, whose exposures nobody starts: the lights are switched on and off at irregular times
+// (never faster than 3 times a second: that can harm), and the latency is what explains how much light each frame saw. Takes
+// about 3 s. DeviceError where no latency within -50 to 500 ms explains three quarters of the frames, or the cameras do not see
+// the lights.
 Reference measure_free_running(Pass& pass, core::Nanoseconds exposure);
 
 }  // namespace lightstage::capture

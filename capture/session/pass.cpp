@@ -7,6 +7,10 @@
 
 namespace lightstage::capture {
 
+namespace {
+constexpr core::Nanoseconds kPoll = core::kMillisecond / 2;  // between looks for frames
+}  // namespace
+
 std::string describe(const db::Step& step) {
   const std::string light = step.light_index ? ", light " + std::to_string(*step.light_index) : "";
   return "step " + std::to_string(step.step_index) + " (" + std::string(db::to_string(step.kind)) + light + ")";
@@ -66,12 +70,18 @@ Pass::Triggered Pass::trigger() {
   return result;
 }
 
-void Pass::set_exposure(core::Nanoseconds exposure) {
-  for (CameraFeed& feed : feeds_) feed.set_exposure(exposure);
-}
-
-void Pass::set_exposing(Exposing exposing) {
-  for (CameraFeed& feed : feeds_) feed.set_exposing(exposing);
+void Pass::listen(core::Nanoseconds until, const std::function<void(std::size_t, CameraFrame)>& hear) {
+  while (true) {
+    bool idle = true;
+    for (std::size_t c = 0; c < feeds_.size(); ++c) {
+      std::optional<CameraFrame> frame = feeds_[c].next(now());
+      if (!frame) continue;
+      idle = false;
+      hear(c, std::move(*frame));
+    }
+    if (now() >= until) return;
+    if (idle) rig_.clock.sleep_until(std::min(until, now() + kPoll));
+  }
 }
 
 void Pass::forget_cameras() {

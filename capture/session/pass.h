@@ -1,6 +1,7 @@
 // What the timing modes share: which frames are missing, where they go, and what happened so far.
 #pragma once
 
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
@@ -46,9 +47,9 @@ class Pass {
   };
   Triggered trigger();
 
-  // Sets the exposure of every camera; DeviceError as Camera::set_exposure.
-  void set_exposure(core::Nanoseconds exposure);
-  void set_exposing(Exposing exposing);
+  // Hands over every frame that comes until then, with the index of its camera. Returns in time also where frames come faster
+  // than this machine can take them: lights are on meanwhile. The driver drops what is not fetched.
+  void listen(core::Nanoseconds until, const std::function<void(std::size_t, CameraFrame)>& hear);
   // After a device failed: cameras may have started anew.
   void forget_cameras();
 

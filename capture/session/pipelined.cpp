@@ -44,7 +44,7 @@ class PipelinedPass {
       }
       first += run.steps.size();
     }
-    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) keep(c, witnesses_[c].rest());
+    for (std::size_t c = 0; c < pass_.feeds().size(); ++c) keep_rest(pass_, c, witnesses_[c]);
   }
 
  private:
@@ -122,7 +122,8 @@ class PipelinedPass {
   void wait_for_frames(std::vector<TriggeredMatcher>& matchers, const Reference& reference) {
     const core::Nanoseconds last_trigger = pass_.now();
     for (std::size_t c = 0; c < matchers.size(); ++c) {
-      const core::Nanoseconds deadline = last_trigger + reference.cameras[c].arrival;
+      const core::Nanoseconds deadline =
+          last_trigger + reference.cameras[c].latency.most + reference.cameras[c].arrival;
       while (matchers[c].outstanding() > 0) {
         std::optional<CameraFrame> frame = pass_.feeds()[c].next(deadline);
         if (!frame) break;
@@ -137,15 +138,7 @@ class PipelinedPass {
     std::vector<MatchedFrame> matched = matcher.close();
     std::erase_if(matched, [&](const MatchedFrame& m) { return mixed.contains(m.step); });
     pass_.report().discarded += arrived - matched.size();
-    Witness::Verdict verdict = witnesses_[camera].hear(std::move(matched), pass_.sequence().steps);
-    pass_.report().discarded += verdict.refused;
-    keep(camera, std::move(verdict.admitted));
-  }
-
-  void keep(std::size_t camera, std::vector<MatchedFrame> frames) {
-    for (MatchedFrame& frame : frames) {
-      pass_.keep(pass_.step(frame.step), pass_.feeds()[camera], std::move(frame.frame));
-    }
+    keep_admitted(pass_, camera, witnesses_[camera], std::move(matched));
   }
 
   Pass& pass_;
@@ -159,13 +152,7 @@ class PipelinedPass {
 }  // namespace
 
 void run_pipelined(Pass& pass) {
-  PatternPlayer* player = pass.rig().lights.player();
-  if (!player) {
-    throw core::UsageError(
-        "timing pipelined needs LED controllers that hold a sequence; take lockstep, or free_run with cameras that run "
-        "free");
-  }
-  if (!pass.unfinished().empty()) PipelinedPass(pass, *player).run();
+  if (!pass.unfinished().empty()) PipelinedPass(pass, *pass.rig().lights.player()).run();
 }
 
 }  // namespace lightstage::capture

@@ -1,5 +1,7 @@
 #include "capture/session/witness.h"
 
+#include <algorithm>
+
 namespace lightstage::capture {
 
 namespace {
@@ -7,18 +9,15 @@ namespace {
 constexpr std::size_t kMostWaitingBytes = std::size_t{1} << 30;
 }  // namespace
 
+bool is_bright(db::StepKind kind) {
+  return kind == db::StepKind::kFullOn || kind == db::StepKind::kTracking;
+}
+
 bool Witness::plausible(const MatchedFrame& frame, const db::Step& step) const {
   const auto [dark, full] = brightness_.at(step.exposure_ns);
   const double middle = (dark + full) / 2;
-  switch (step.kind) {
-    case db::StepKind::kDark:
-      return mean_value(frame.frame.image) < middle;
-    case db::StepKind::kFullOn:
-    case db::StepKind::kTracking:
-      return mean_value(frame.frame.image) > middle;
-    default:
-      return true;
-  }
+  if (is_bright(step.kind)) return mean_value(frame.frame.image) > middle;
+  return step.kind != db::StepKind::kDark || mean_value(frame.frame.image) < middle;
 }
 
 Witness::Verdict Witness::hear(std::vector<MatchedFrame> frames, const std::vector<db::Step>& steps) {
@@ -43,6 +42,30 @@ Witness::Verdict Witness::hear(std::vector<MatchedFrame> frames, const std::vect
 std::vector<MatchedFrame> Witness::rest() {
   waiting_bytes_ = 0;
   return std::exchange(waiting_, {});
+}
+
+namespace {
+void keep(Pass& pass, std::size_t camera, std::vector<MatchedFrame> frames) {
+  for (MatchedFrame& frame : frames) {
+    pass.keep(pass.step(frame.step), pass.feeds()[camera], std::move(frame.frame));
+  }
+}
+}  // namespace
+
+void keep_admitted(Pass& pass, std::size_t camera, Witness& witness, std::vector<MatchedFrame> frames) {
+  Witness::Verdict verdict = witness.hear(std::move(frames), pass.sequence().steps);
+  pass.report().discarded += verdict.refused;
+  keep(pass, camera, std::move(verdict.admitted));
+}
+
+void keep_rest(Pass& pass, std::size_t camera, Witness& witness) {
+  std::vector<MatchedFrame> rest = witness.rest();
+  const std::vector<db::Step>& steps = pass.sequence().steps;
+  if (std::any_of(steps.begin(), steps.end(), [](const db::Step& step) { return is_bright(step.kind); })) {
+    pass.report().discarded += rest.size();
+  } else {
+    keep(pass, camera, std::move(rest));
+  }
 }
 
 }  // namespace lightstage::capture

@@ -8,6 +8,9 @@
 
 namespace lightstage::capture {
 
+// With all lights: those that a single light's frame cannot be taken for.
+bool is_bright(db::StepKind kind);
+
 // One camera's frames on their way from the matcher to the store. Dark, full-on and tracking frames must be as bright as those
 // measured before the pass; a matcher that slipped by one step gives such a step its neighbour's frame. The frames since the
 // last witness wait for the next one, and are refused with it.
@@ -22,7 +25,7 @@ class Witness {
   };
   // Matched frames, in the order in which they were taken, with their steps' kinds.
   Verdict hear(std::vector<MatchedFrame> frames, const std::vector<db::Step>& steps);
-  // At the end, what still waits.
+  // What still waits.
   std::vector<MatchedFrame> rest();
 
  private:
@@ -33,5 +36,11 @@ class Witness {
   std::vector<MatchedFrame> waiting_;
   std::size_t waiting_bytes_ = 0;
 };
+
+// Keeps those of a camera's matched frames that its witness admits, and counts the others as discarded.
+void keep_admitted(Pass& pass, std::size_t camera, Witness& witness, std::vector<MatchedFrame> frames);
+// At the end: what still waits is discarded where a bright step was to follow and its frame was not heard, and kept where the
+// pass has none.
+void keep_rest(Pass& pass, std::size_t camera, Witness& witness);
 
 }  // namespace lightstage::capture

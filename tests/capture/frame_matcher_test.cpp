@@ -172,7 +172,7 @@ TEST_CASE("whatever a free-running camera does, no frame is matched to another s
     const Nanoseconds least = dice.up_to(40 * kMillisecond), jitter = dice.up_to(3 * kMillisecond);
     const Nanoseconds tolerance = kMillisecond + 2 * jitter;
     FreeRunMatcher matcher;
-    matcher.change(0, exposure, period, {least, least + jitter}, tolerance);
+    matcher.change(0, exposure, period, {least, least + jitter}, tolerance, 0);
 
     // Exposures begin at phase + n * period. Lights change at times known to within the asking.
     const Nanoseconds phase = dice.up_to(period);

@@ -266,6 +266,44 @@ TEST_CASE("a camera that begins to lag for good costs steps, not truth", "[timin
   CHECK(pass.wrong() == 0);
 }
 
+TEST_CASE("lights whose last tracking frame was not heard are taken again", "[timing]") {
+  FakeRig fake(kLights, 1);
+  be_real(fake);
+  const Sequence sequence = olat(Timing::kPipelined);
+  REQUIRE(sequence.steps.back().kind == db::StepKind::kTracking);
+  constexpr int kMeasured = 6;  // exposures before the pass
+  const int last = kMeasured + static_cast<int>(sequence.steps.size()) - 1;
+  fake.delivery = [last, deliver = fake.delivery](std::size_t camera, int exposure) {
+    Delivery d = deliver(camera, exposure);
+    if (exposure == last) d.copies = 0;
+    return d;
+  };
+  Pass pass(fake, sequence);
+  const SessionReport report = pass.run();
+  CHECK(report.retaken == 8 + 1);  // those since the tracking frame before it, and itself
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
+
+TEST_CASE("single lights taken again in free run are followed by a bright frame", "[timing]") {
+  FakeRig fake(kLights, 1);
+  be_real(fake);
+  fake.delivery = [deliver = fake.delivery](std::size_t camera, int exposure) {
+    Delivery d = deliver(camera, exposure);
+    if (exposure % 32 < 2) d.copies = 0;
+    return d;
+  };
+  Pass pass(fake, olat(Timing::kFreeRun));
+  const SessionReport report = pass.run();
+  CAPTURE(fake.exposures(), report.dropped, report.preparation);
+  REQUIRE(report.retaken > 0);
+  REQUIRE(fake.shown().size() > 2);
+  CHECK(fake.shown().back().size() == kLights);
+  CHECK(fake.shown()[fake.shown().size() - 2].size() == 1);
+  CHECK(pass.stored() == pass.all());
+  CHECK(pass.wrong() == 0);
+}
+
 TEST_CASE("exposures longer than the cameras' period slow them down, in every mode", "[timing]") {
   const Timing timing = GENERATE(Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun);
   CAPTURE(capture::to_string(timing));

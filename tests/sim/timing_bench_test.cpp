@@ -24,3 +24,25 @@ TEST_CASE("on the simulated stage every mode keeps right frames only, with and w
   }
   CHECK(rows[1].steps_per_s > rows[0].steps_per_s);
 }
+
+TEST_CASE("cameras without a trigger input are captured in lockstep and, faster, in free run") {
+  core::set_quiet(true);
+  // At 200 pictures a second several more exposures are under way when a frame comes.
+  const int fps = GENERATE(60, 200);
+  CAPTURE(fps);
+  sim::TimingBenchOptions options;
+  options.lights = 40;
+  options.exposure = 2 * core::kMillisecond;
+  options.times.shortest_period = core::kSecond / fps;
+  options.times.triggered = options.times.stamped_on_arrival = false;
+  const std::vector<sim::TimingRow> rows = sim::bench_timing(options);
+  REQUIRE(rows.size() == 2);
+  for (const sim::TimingRow& row : rows) {
+    CAPTURE(capture::to_string(row.timing), row.problem);
+    CHECK(row.wrong == 0);
+    CHECK_FALSE(row.lights_left);
+    CHECK(row.report.stored == row.report.steps * 2);
+  }
+  CHECK(rows[1].timing == capture::Timing::kFreeRun);
+  CHECK(rows[1].steps_per_s > rows[0].steps_per_s);
+}
