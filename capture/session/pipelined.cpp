@@ -26,6 +26,9 @@ class PipelinedPass {
         references_.emplace(step->exposure_ns, measure_triggered(pass_, step->exposure_ns));
       }
     }
+    for (const auto& [exposure, reference] : references_) {
+      longest_trigger_ = std::max(longest_trigger_, reference.longest_trigger);
+    }
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
       witnesses_.emplace_back(brightness_of(references_, c));
     }
@@ -68,10 +71,12 @@ class PipelinedPass {
       pass_.report().discarded += feed.flush(pass_.now());
       matchers.emplace_back(reference.cameras[c].latency, feed.last_number());
       // Exposures nearer than the uncertainty of their stamps could not be told apart.
-      pace = std::max(pace, reference.cameras[c].latency.range() + reference.longest_trigger);
+      pace = std::max(pace, reference.cameras[c].latency.range() + longest_trigger_);
     }
     load();
-    player_.arm(first, hold(reference));
+    // The last camera is triggered so much after the first, and may be a little slower to begin.
+    const core::Nanoseconds hold = longest_trigger_ + pass_.sequence().hold;
+    player_.arm(first, hold);
     settle_from(pass_.now());
     for (std::size_t i = 0; i < run.steps.size(); ++i) {
       // Interrupted: what was exposed is kept, then the caller stops.
@@ -87,9 +92,10 @@ class PipelinedPass {
       const auto [called, triggered] = pass_.trigger();
       for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, triggered);
       // The last camera may have been triggered later than the lights were held for it: its exposure saw two steps' lights.
-      if (triggered - called > hold(reference)) mixed.insert(run.steps[i]->step_index);
+      if (triggered - called > hold) mixed.insert(run.steps[i]->step_index);
+      longest_trigger_ = std::max(longest_trigger_, triggered - called);  // for the next run
       const std::optional<core::Nanoseconds> lit =
-          player_.wait_for_pattern(first + i + 1, pass_.now() + run.exposure + hold(reference) + kStrobeDelay);
+          player_.wait_for_pattern(first + i + 1, pass_.now() + run.exposure + hold + kStrobeDelay);
       // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
       if (!lit) {
         core::note(describe(*run.steps[i]) + ": the controller heard no strobe; it and what follows are taken again");
@@ -105,9 +111,6 @@ class PipelinedPass {
     pass_.check_lights();
     for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c], mixed);
   }
-
-  // The last camera is triggered so much after the first, and may be a little slower to begin.
-  core::Nanoseconds hold(const Reference& reference) const { return reference.longest_trigger + pass_.sequence().hold; }
 
   void settle_from(core::Nanoseconds lit) { pass_.rig().clock.sleep_until(lit + pass_.sequence().settle); }
 
@@ -146,6 +149,7 @@ class PipelinedPass {
   std::vector<const db::Step*> steps_;
   std::map<core::Nanoseconds, Reference> references_;  // by exposure
   std::vector<Witness> witnesses_;                     // by camera
+  core::Nanoseconds longest_trigger_ = 0;              // as Reference's, so far
   bool loaded_ = false;
 };
 
