@@ -29,13 +29,9 @@ std::optional<std::size_t> TriggeredMatcher::only_window(const CameraFrame& fram
   return only;
 }
 
-std::vector<MatchedFrame> TriggeredMatcher::close() {
-  // In the order of arrival: where each frame seems to belong, for those that seem to belong somewhere.
-  struct Claim {
-    std::size_t window = 0, frame = 0;
-    bool certain = true;
-  };
-  std::vector<Claim> claims;
+TriggeredMatcher::Assignment TriggeredMatcher::assign() const {
+  Assignment assignment;
+  std::vector<Claim>& claims = assignment.claims;
   std::optional<std::int64_t> last_number;
   std::vector<int> claimed(windows_.size(), 0);
   for (std::size_t i = 0; i < frames_.size(); ++i) {
@@ -51,21 +47,24 @@ std::vector<MatchedFrame> TriggeredMatcher::close() {
   // Damaged frames' numbers may be damaged too.
   std::optional<std::int64_t> anchor;  // number of the exposure before the first window
   if (last_number_) anchor = *last_number_;
-  bool lost_count = false;
   for (std::size_t i = 0; i < claims.size(); ++i) {
     const CameraFrame& frame = frames_[claims[i].frame];
     if (frame.damaged) continue;
     const std::int64_t before_first = frame.sequence_number - static_cast<std::int64_t>(claims[i].window) - 1;
     if (!anchor) anchor = before_first;
-    if (!lost_count && before_first != *anchor) {
-      lost_count = true;
+    if (!assignment.lost_count && before_first != *anchor) {
+      assignment.lost_count = true;
       // More exposures than were asked for: which of the two is not the asked one cannot be told.
       if (before_first > *anchor && i > 0) claims[i - 1].certain = false;
     }
-    if (lost_count) claims[i].certain = false;
+    if (assignment.lost_count) claims[i].certain = false;
   }
+  return assignment;
+}
+
+std::vector<MatchedFrame> TriggeredMatcher::close() {
   std::vector<MatchedFrame> matched;
-  for (const Claim& claim : claims) {
+  for (const Claim& claim : assign().claims) {
     if (claim.certain) matched.push_back({windows_[claim.window].step, std::move(frames_[claim.frame])});
   }
   std::sort(matched.begin(), matched.end(), [](const auto& a, const auto& b) { return a.step < b.step; });

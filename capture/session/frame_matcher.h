@@ -42,6 +42,9 @@ class TriggeredMatcher {
   std::size_t arrived() const { return frames_.size(); }
   std::size_t outstanding() const;
 
+  // Whether numbers and steps have advanced differently since the first frame: none of those expected after that will be certain.
+  bool lost_count() const { return assign().lost_count; }
+
   // The frames that are certain, in the order of steps, at most one for each; call it once. A frame is certain when the time
   // stamp leaves one step, when no other frame claims that step, and when sequence numbers advanced as the steps did from the
   // first to this one: after a jump of one against the other (a trigger that was not obeyed, a camera that began to lag) nobody
@@ -53,6 +56,16 @@ class TriggeredMatcher {
     int step = 0;
     core::Nanoseconds first_start = 0, last_start = 0;
   };
+  // Where a frame seems to belong.
+  struct Claim {
+    std::size_t window = 0, frame = 0;
+    bool certain = true;
+  };
+  struct Assignment {
+    std::vector<Claim> claims;  // in the order of arrival, of frames that seem to belong somewhere
+    bool lost_count = false;
+  };
+  Assignment assign() const;
   std::optional<std::size_t> only_window(const CameraFrame& frame) const;
 
   Latency latency_;

@@ -1,9 +1,10 @@
 #include "capture/session/pipelined.h"
 
+#include <algorithm>
 #include <set>
+#include <span>
 
 #include "capture/session/latency.h"
-#include "capture/session/runs.h"
 #include "capture/session/witness.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -12,7 +13,7 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr std::size_t kLongestRun = 64;
+constexpr std::size_t kLongestRun = 32;  // whose frames are lost together when a controller fails
 constexpr core::Nanoseconds kStrobeDelay = 100 * core::kMillisecond;  // after the exposure's end, at most
 
 class PipelinedPass {
@@ -35,17 +36,18 @@ class PipelinedPass {
     pass_.report().preparation = pass_.now() - begin;
     std::size_t first = 0;
     int failures = 0;
-    for (const Run& run : cut_into_runs(steps_, kLongestRun)) {
+    while (first < steps_.size()) {
       core::throw_if_interrupted();
+      const std::span<const db::Step* const> run = run_from(first);
       try {
-        take(run, first);
+        first += take(run, first);
       } catch (const core::DeviceError& error) {
         core::warn(std::string(error.what()) + "; the steps it cost are taken again");
         pass_.forget_cameras();
         loaded_ = false;
         if (++failures >= pass_.options().attempts) break;
+        first += run.size();
       }
-      first += run.steps.size();
     }
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) keep_rest(pass_, c, witnesses_[c]);
   }
@@ -59,15 +61,27 @@ class PipelinedPass {
     loaded_ = true;
   }
 
-  void take(const Run& run, std::size_t first) {
-    const Reference& reference = references_.at(run.exposure);
+  // Steps from this one on that follow each other with one exposure.
+  std::span<const db::Step* const> run_from(std::size_t first) const {
+    std::size_t end = first;
+    while (end < steps_.size() && end - first < kLongestRun && steps_[end]->exposure_ns == steps_[first]->exposure_ns) {
+      ++end;
+    }
+    return std::span(steps_).subspan(first, end - first);
+  }
+
+  // How many steps of the run it has been through, at least one; what it did not take of them is taken again later.
+  std::size_t take(std::span<const db::Step* const> run, std::size_t first) {
+    const core::Nanoseconds exposure = run.front()->exposure_ns;
+    const Reference& reference = references_.at(exposure);
+    std::size_t passed = run.size();
     std::vector<TriggeredMatcher> matchers;
     std::set<int> mixed;
     core::Nanoseconds pace = 0;
     for (std::size_t c = 0; c < pass_.feeds().size(); ++c) {
       CameraFeed& feed = pass_.feeds()[c];
       feed.set_exposing(Exposing::kTriggered);
-      feed.set_exposure(run.exposure);
+      feed.set_exposure(exposure);
       pass_.report().discarded += feed.flush(pass_.now());
       matchers.emplace_back(reference.cameras[c].latency, feed.last_number());
       // Exposures nearer than the uncertainty of their stamps could not be told apart.
@@ -78,38 +92,43 @@ class PipelinedPass {
     const core::Nanoseconds hold = longest_trigger_ + pass_.sequence().hold;
     player_.arm(first, hold);
     settle_from(pass_.now());
-    for (std::size_t i = 0; i < run.steps.size(); ++i) {
-      // Interrupted: what was exposed is kept, then the caller stops.
-      if (core::interrupt_requested() && i > 0) break;
+    for (std::size_t i = 0; i < run.size(); ++i) {
       // A strobe that was heard twice, or noise on its wire, lit another pattern too soon.
       if (player_.position() != first + i) {
-        core::note(describe(*run.steps[i]) +
+        core::note(describe(*run[i]) +
                    ": the controller is at another pattern; this step and the one before are taken again");
-        if (i > 0) mixed.insert(run.steps[i - 1]->step_index);
+        if (i > 0) mixed.insert(run[i - 1]->step_index);
         break;
       }
-      pass_.begin_try(*run.steps[i]);
+      pass_.begin_try(*run[i]);
       const auto [called, triggered] = pass_.trigger();
-      for (TriggeredMatcher& matcher : matchers) matcher.expect(run.steps[i]->step_index, called, triggered);
+      for (TriggeredMatcher& matcher : matchers) matcher.expect(run[i]->step_index, called, triggered);
       // The last camera may have been triggered later than the lights were held for it: its exposure saw two steps' lights.
-      if (triggered - called > hold) mixed.insert(run.steps[i]->step_index);
+      if (triggered - called > hold) mixed.insert(run[i]->step_index);
       longest_trigger_ = std::max(longest_trigger_, triggered - called);  // for the next run
       const std::optional<core::Nanoseconds> lit =
-          player_.wait_for_pattern(first + i + 1, pass_.now() + run.exposure + hold + kStrobeDelay);
+          player_.wait_for_pattern(first + i + 1, pass_.now() + exposure + hold + kStrobeDelay);
       // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
       if (!lit) {
-        core::note(describe(*run.steps[i]) + ": the controller heard no strobe; it and what follows are taken again");
+        core::note(describe(*run[i]) + ": the controller heard no strobe; it and what follows are taken again");
         break;
       }
       fetch(matchers);
+      // Whatever followed would be taken again: a new run counts anew.
+      const bool lost_count =
+          std::any_of(matchers.begin(), matchers.end(), [](const auto& m) { return m.lost_count(); });
       settle_from(*lit);
       pass_.rig().clock.sleep_until(called + pace);
-      const bool last = i + 1 == run.steps.size();
-      if (last && player_.position() != first + i + 1) mixed.insert(run.steps[i]->step_index);
+      // Interrupted: what was exposed is kept, then the caller stops.
+      if (!lost_count && !core::interrupt_requested() && i + 1 < run.size()) continue;
+      if (player_.position() != first + i + 1) mixed.insert(run[i]->step_index);
+      passed = i + 1;
+      break;
     }
     wait_for_frames(matchers, reference);
     pass_.check_lights();
     for (std::size_t c = 0; c < matchers.size(); ++c) close(c, matchers[c], mixed);
+    return passed;
   }
 
   void settle_from(core::Nanoseconds lit) { pass_.rig().clock.sleep_until(lit + pass_.sequence().settle); }

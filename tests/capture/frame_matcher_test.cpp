@@ -81,6 +81,18 @@ TEST_CASE("a triggered frame that took the place of a lost one is known by its n
   CHECK(shown(matched[0]) == 0);
 }
 
+TEST_CASE("a triggered camera's lost frame is noticed with the next one, where its count leaves it out", "[matcher]") {
+  TriggeredMatcher matcher({0, 4 * kMillisecond});
+  for (int i = 0; i < 3; ++i) matcher.expect(i, i * 10 * kMillisecond, i * 10 * kMillisecond);
+  matcher.add(frame(0, 7, 1 * kMillisecond));
+  CHECK_FALSE(matcher.lost_count());
+  matcher.add(frame(2, 8, 21 * kMillisecond));
+  CHECK(matcher.lost_count());
+  const std::vector<MatchedFrame> matched = matcher.close();
+  REQUIRE(matched.size() == 1);
+  CHECK(matched[0].step == 0);
+}
+
 TEST_CASE("whatever a triggered camera does, no frame is matched to another step", "[matcher]") {
   std::size_t right = 0, asked = 0;
   for (std::uint64_t seed = 0; seed < 3000; ++seed) {

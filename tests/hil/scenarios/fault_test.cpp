@@ -73,4 +73,30 @@ TEST_CASE("GPIO writes that fail, or have no effect, cost a try", "[rig][faults]
   scenario.require_all_right(stage);
 }
 
+TEST_CASE("in the fast modes, too, whatever goes wrong costs frames and stores no wrong one", "[rig][faults]") {
+  for (const capture::Timing timing : {capture::Timing::kPipelined, capture::Timing::kFreeRun}) {
+    const bool free_running = timing == capture::Timing::kFreeRun;
+    Scenario scenario("faults_" + std::string(capture::to_string(timing)));
+    const FreeRunningCameras free(free_running);
+    const capture::Stage stage = make_rig_stage({.lights = 100, .width = 80, .free_running = free_running});
+    // Both modes look at the cameras first: the pass begins after these exposures.
+    const int begin = free_running ? 140 : 12;
+    const auto fault = [&](int exposure, const std::string& what) {
+      scenario.fault("at exposure " + std::to_string(begin + exposure) + " " + what);
+    };
+    fault(15, "drop cam0");
+    fault(26, "duplicate cam1");
+    fault(37, "short cam0");
+    fault(48, "error cam1");
+    fault(59, "late cam0 60");
+    fault(70, "late cam1 300");
+    fault(81, "drop cam1");
+    fault(82, "drop cam1");
+    fault(100, "cut led 300");
+    const capture::SessionReport report = scenario.capture(stage, make_rig_sequence(stage, {.timing = timing}));
+    CHECK(report.retaken > 0);
+    scenario.require_all_right(stage);
+  }
+}
+
 }  // namespace lightstage::hil

@@ -12,15 +12,6 @@ double steps_per_second(const capture::SessionReport& report) {
   return static_cast<double>(report.steps) / (static_cast<double>(report.duration - report.preparation) / 1e9);
 }
 
-// The switch on their backs.
-struct FreeRunningCameras {
-  FreeRunningCameras() { set("free"); }
-  ~FreeRunningCameras() { set("triggered"); }
-  static void set(const std::string& mode) {
-    for (const char* camera : {"cam0", "cam1"}) EmulatedRig::instance().command(mode + " " + camera);
-  }
-};
-
 void run_pass(const std::string& name, const capture::Stage& stage, capture::Timing timing) {
   Scenario scenario(name);
   const capture::Sequence sequence = make_rig_sequence(stage, {.timing = timing});
@@ -59,7 +50,7 @@ TEST_CASE("a pass over 100 lights, pipelined", "[rig][pass]") {
 }
 
 TEST_CASE("a pass over 100 lights with cameras that run free", "[rig][pass]") {
-  const FreeRunningCameras free;
+  const FreeRunningCameras free(true);
   run_timed_pass("free_run", make_rig_stage({.width = 80, .free_running = true}), capture::Timing::kFreeRun);
 }
 

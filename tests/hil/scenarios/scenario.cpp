@@ -111,6 +111,19 @@ capture::Stage make_rig_stage(const RigStage& options) {
   return capture::parse_stage(capture::to_toml(stage), "emulated.toml");
 }
 
+namespace {
+void switch_cameras(const std::string& mode) {
+  for (const char* camera : {"cam0", "cam1"}) EmulatedRig::instance().command(mode + " " + camera);
+}
+}  // namespace
+
+FreeRunningCameras::FreeRunningCameras(bool free_running) {
+  switch_cameras(free_running ? "free" : "triggered");
+}
+FreeRunningCameras::~FreeRunningCameras() {
+  switch_cameras("triggered");
+}
+
 capture::Sequence make_rig_sequence(const capture::Stage& stage, const PassOptions& options) {
   capture::Sequence sequence = capture::make_olat_sequence({.light_count = stage.light_positions.size(),
                                                             .tracking_every = options.tracking_every,

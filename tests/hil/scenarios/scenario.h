@@ -29,6 +29,15 @@ struct RigStage {
 // As a lab would describe the emulated rig. Level 1 gives radiance 1.
 capture::Stage make_rig_stage(const RigStage& options = {});
 
+// The switch on the cameras' backs, for as long as this lives.
+class FreeRunningCameras {
+ public:
+  explicit FreeRunningCameras(bool free_running);
+  ~FreeRunningCameras();
+  FreeRunningCameras(const FreeRunningCameras&) = delete;
+  FreeRunningCameras& operator=(const FreeRunningCameras&) = delete;
+};
+
 struct PassOptions {
   int tracking_every = 10;
   core::Nanoseconds exposure = 5 * core::kMillisecond;
