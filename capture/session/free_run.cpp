@@ -30,7 +30,7 @@ class FreePass {
         }
       }
       try {
-        round(steps);
+        round(with_witness(pass_, steps));
       } catch (const core::DeviceError& error) {
         if (++failures_ >= pass_.options().attempts) throw;
         trouble = error.what();
@@ -43,8 +43,7 @@ class FreePass {
   }
 
  private:
-  void round(std::vector<const db::Step*> steps) {
-    add_witness(steps);
+  void round(const std::vector<const db::Step*>& steps) {
     matchers_.clear();
     witnesses_.clear();
     exposure_.reset();
@@ -69,13 +68,6 @@ class FreePass {
       core::note("a camera's time stamps have shifted: its frames since the last tracking frame are taken again");
       references_.clear();
     }
-  }
-
-  // Steps that are taken again may hold no witness after them: the pass's last one is shown once more.
-  void add_witness(std::vector<const db::Step*>& steps) const {
-    const std::vector<db::Step>& all = pass_.sequence().steps;
-    const auto witness = std::find_if(all.rbegin(), all.rend(), [](const db::Step& s) { return is_bright(s.kind); });
-    if (witness != all.rend() && !is_bright(steps.back()->kind)) steps.push_back(&*witness);
   }
 
   bool lagging() const {

@@ -18,7 +18,8 @@ constexpr core::Nanoseconds kStrobeDelay = 100 * core::kMillisecond;  // after t
 
 class PipelinedPass {
  public:
-  PipelinedPass(Pass& pass, PatternPlayer& player) : pass_(pass), player_(player), steps_(pass.unfinished()) {}
+  PipelinedPass(Pass& pass, PatternPlayer& player)
+      : pass_(pass), player_(player), steps_(with_witness(pass, pass.unfinished())) {}
 
   void run() {
     const core::Nanoseconds begin = pass_.now();

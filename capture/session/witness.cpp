@@ -58,6 +58,13 @@ void keep_admitted(Pass& pass, std::size_t camera, Witness& witness, std::vector
   keep(pass, camera, std::move(verdict.admitted));
 }
 
+std::vector<const db::Step*> with_witness(const Pass& pass, std::vector<const db::Step*> steps) {
+  const std::vector<db::Step>& all = pass.sequence().steps;
+  const auto witness = std::find_if(all.rbegin(), all.rend(), [](const db::Step& s) { return is_bright(s.kind); });
+  if (witness != all.rend() && !is_bright(steps.back()->kind)) steps.push_back(&*witness);
+  return steps;
+}
+
 void keep_rest(Pass& pass, std::size_t camera, Witness& witness) {
   std::vector<MatchedFrame> rest = witness.rest();
   const std::vector<db::Step>& steps = pass.sequence().steps;

@@ -37,10 +37,14 @@ class Witness {
   std::size_t waiting_bytes_ = 0;
 };
 
+// The steps to take, with a bright one at the end: where they end with another, the sequence's last bright step is shown once
+// more, if it has one (what is stored already is not stored again).
+std::vector<const db::Step*> with_witness(const Pass& pass, std::vector<const db::Step*> steps);
+
 // Keeps those of a camera's matched frames that its witness admits, and counts the others as discarded.
 void keep_admitted(Pass& pass, std::size_t camera, Witness& witness, std::vector<MatchedFrame> frames);
-// At the end: what still waits is discarded where a bright step was to follow and its frame was not heard, and kept where the
-// pass has none.
+// At the end of steps with_witness(): what still waits is discarded, since the bright frame was not heard; it is kept where the
+// sequence has none.
 void keep_rest(Pass& pass, std::size_t camera, Witness& witness);
 
 }  // namespace lightstage::capture
