@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/sphere.h"
 #include "model/alias_free_weights.h"
+#include "model/classical/barycentric_weights.h"
 #include "model/classical/thin_plate.h"
 #include "model/classical/weighted_images.h"
 
@@ -54,6 +55,10 @@ std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan,
     return result;
   };
   return std::make_unique<WeightedImages>("linear", scan, domain, std::move(weights));
+}
+
+std::unique_ptr<LightInterpolator> make_barycentric(const core::OlatScan& scan, Domain domain) {
+  return std::make_unique<WeightedImages>("barycentric", scan, domain, BarycentricWeights(scan.directions()));
 }
 
 std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain) {

@@ -16,6 +16,11 @@ std::unique_ptr<LightInterpolator> make_nearest(const core::OlatScan& scan);
 std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan, int neighbours, double sharpness,
                                                      Domain domain);
 
+// The three lights around the query, with barycentric weights over the spherical Delaunay triangulation; holes of the stage are filled as by a soap film
+// (model/classical/barycentric_weights.h). Never negative, sums to 1, exact at the captured lights, continuous, no knob to fit; creases at the
+// triangles' edges. A query costs three images.
+std::unique_ptr<LightInterpolator> make_barycentric(const core::OlatScan& scan, Domain domain);
+
 // Per-pixel interpolation over the lights' xyz by the thin-plate kernel r^2 log r with a linear polynomial: exact at the captured lights,
 // and since the system is the same for all pixels, one signed weight vector over the lights per query, which sums to 1 (the system is
 // inverted once, in float64). Lights in the same place share their weight; fewer than four lights, or lights in one plane, reduce the

@@ -43,6 +43,10 @@ const std::vector<Entry>& entries() {
              options.sharpness.value_or(default_sharpness(core::median_spacing_radians(scan.directions())));
          return make_linear_blend(scan, options.neighbours, sharpness, options.domain);
        }},
+      {{"barycentric",
+        "the three lights around the query, weighted over the triangle between them; cheap, no knob to fit",
+        "Renka 1997, Algorithm 772: STRIPACK, Delaunay triangulation and Voronoi diagram on the surface of a sphere"},
+       [](const core::OlatScan& scan, const MethodOptions& options) { return make_barycentric(scan, options.domain); }},
       {{"rbf", "every pixel interpolated over the lights by thin-plate splines; the strongest without training",
         "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance functions for "
         "image-based relighting"},

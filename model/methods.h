@@ -23,11 +23,11 @@ struct MethodInfo {
   std::string citation;  // "Sun et al. 2020, Light Stage Super-Resolution"
 };
 
-// nearest, linear, rbf, blend, superres; in this order.
+// nearest, linear, barycentric, rbf, blend, superres; in this order.
 const std::vector<MethodInfo>& methods();
 
 struct MethodOptions {
-  Domain domain = Domain::kDisplay;  // of linear and rbf; nearest is the same in both, networks work display-encoded
+  Domain domain = Domain::kDisplay;  // of linear, barycentric and rbf; nearest is the same in both, networks work display-encoded
   int neighbours = 8;                // k of linear; networks take theirs from the checkpoint
   std::optional<double> sharpness;   // s of linear; default_sharpness of the scan's spacing otherwise
   NetworkOptions network;            // of superres

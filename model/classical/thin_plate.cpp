@@ -14,9 +14,7 @@ namespace lightstage::model {
 namespace {
 
 constexpr std::size_t kMaxLights = 8000;
-constexpr double kSamePlace = 1e-4;  // radians
-constexpr double kFlat = 1e-2;       // spread relative to the widest axis
-constexpr double kOnALight = 1e-12;  // the interpolant is the captured image to rounding
+constexpr double kFlat = 1e-2;  // spread relative to the widest axis
 
 double squared_distance(core::Vec3 a, core::Vec3 b) {
   const core::Vec3 d = a - b;
@@ -30,33 +28,21 @@ double kernel(double r2) {
 
 }  // namespace
 
-ThinPlateWeights::ThinPlateWeights(std::span<const core::Direction> lights) {
-  if (lights.empty()) throw core::BadInput("interpolation needs at least one light");
+ThinPlateWeights::ThinPlateWeights(std::span<const core::Direction> lights) : lights_(lights) {
   if (lights.size() > kMaxLights)
     throw core::UsageError("rbf solves one dense system over all lights and takes at most " +
                            std::to_string(kMaxLights) + " of them, not " + std::to_string(lights.size()) +
                            "; use linear, or fewer lights");
-  for (const core::Direction& light : lights) {
-    const auto same = std::find_if(points_.begin(), points_.end(), [&](core::Vec3 point) {
-      return squared_distance(point, light.vec()) < kSamePlace * kSamePlace;
-    });
-    point_of_light_.push_back(std::size_t(same - points_.begin()));
-    if (same == points_.end()) {
-      points_.push_back(light.vec());
-      lights_at_point_.push_back(0);
-    }
-    ++lights_at_point_[point_of_light_.back()];
-  }
   choose_polynomial();
   invert();
 }
 
 void ThinPlateWeights::choose_polynomial() {
-  const int n = static_cast<int>(points_.size());
-  centre_ = std::accumulate(points_.begin(), points_.end(), core::Vec3{}) / double(n);
+  const int n = static_cast<int>(lights_.points().size());
+  centre_ = std::accumulate(lights_.points().begin(), lights_.points().end(), core::Vec3{}) / double(n);
   cv::Mat spread(n, 3, CV_64F);
   for (int i = 0; i < n; ++i) {
-    const core::Vec3 d = points_[std::size_t(i)] - centre_;
+    const core::Vec3 d = lights_.points()[std::size_t(i)] - centre_;
     spread.at<double>(i, 0) = d.x;
     spread.at<double>(i, 1) = d.y;
     spread.at<double>(i, 2) = d.z;
@@ -72,19 +58,19 @@ void ThinPlateWeights::choose_polynomial() {
 
 std::vector<double> ThinPlateWeights::right_side(core::Vec3 query) const {
   std::vector<double> b;
-  b.reserve(points_.size() + 1 + axes_.size());
-  for (const core::Vec3 point : points_) b.push_back(kernel(squared_distance(query, point)));
+  b.reserve(lights_.points().size() + 1 + axes_.size());
+  for (const core::Vec3 point : lights_.points()) b.push_back(kernel(squared_distance(query, point)));
   b.push_back(1);
   for (const core::Vec3 axis : axes_) b.push_back(core::dot(axis, query - centre_));
   return b;
 }
 
 void ThinPlateWeights::invert() {
-  const int n = static_cast<int>(points_.size());
+  const int n = static_cast<int>(lights_.points().size());
   const int size = n + 1 + static_cast<int>(axes_.size());
   cv::Mat system = cv::Mat::zeros(size, size, CV_64F);
   for (int i = 0; i < n; ++i) {
-    const std::vector<double> row = right_side(points_[std::size_t(i)]);
+    const std::vector<double> row = right_side(lights_.points()[std::size_t(i)]);
     for (int j = 0; j < size; ++j) system.at<double>(i, j) = row[std::size_t(j)];
     for (int j = n; j < size; ++j) system.at<double>(j, i) = row[std::size_t(j)];
   }
@@ -99,34 +85,21 @@ void ThinPlateWeights::invert() {
 template <class Value>
 std::vector<Value> ThinPlateWeights::solve(const std::vector<Value>& b) const {
   // Column by column, which the compiler can put into vector registers, as a sum along rows it may not.
-  std::vector<Value> at_points(points_.size());
+  std::vector<Value> at_points(lights_.points().size());
   const double* column = inverse_.data();
-  for (std::size_t j = 0; j < b.size(); ++j, column += points_.size())
-    for (std::size_t i = 0; i < points_.size(); ++i) at_points[i] = at_points[i] + column[i] * b[j];
+  for (std::size_t j = 0; j < b.size(); ++j, column += lights_.points().size())
+    for (std::size_t i = 0; i < lights_.points().size(); ++i) at_points[i] = at_points[i] + column[i] * b[j];
   return at_points;
 }
 
-template <class Value>
-std::vector<Value> ThinPlateWeights::per_light(const std::vector<Value>& per_point) const {
-  std::vector<Value> result;
-  result.reserve(point_of_light_.size());
-  for (const std::size_t point : point_of_light_) result.push_back(per_point[point] / double(lights_at_point_[point]));
-  return result;
-}
-
 std::vector<double> ThinPlateWeights::operator()(const core::Direction& query) const {
-  const auto same = std::find_if(points_.begin(), points_.end(), [&](core::Vec3 point) {
-    return squared_distance(point, query.vec()) < kOnALight * kOnALight;
-  });
-  if (same == points_.end()) return per_light(solve(right_side(query.vec())));
-  std::vector<double> one_hot(points_.size(), 0.0);
-  one_hot[std::size_t(same - points_.begin())] = 1;
-  return per_light(one_hot);
+  const std::vector<double> on_a_light = lights_.one_hot_at(query.vec());
+  return lights_.per_light(on_a_light.empty() ? solve(right_side(query.vec())) : on_a_light);
 }
 
 std::vector<core::Vec3> ThinPlateWeights::sum(std::span<const DistantLight> lights) const {
-  const std::size_t terms = points_.size() + 1 + axes_.size();
-  return per_light(solve(ordered_sum(lights.size(), terms, [&](std::size_t q, std::vector<core::Vec3>& total) {
+  const std::size_t terms = lights_.points().size() + 1 + axes_.size();
+  return lights_.per_light(solve(ordered_sum(lights.size(), terms, [&](std::size_t q, std::vector<core::Vec3>& total) {
     const std::vector<double> b = right_side(lights[q].direction.vec());
     for (std::size_t j = 0; j < terms; ++j) total[j] = total[j] + b[j] * lights[q].irradiance;
   })));

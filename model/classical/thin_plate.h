@@ -7,6 +7,7 @@
 
 #include "core/direction.h"
 #include "core/vec3.h"
+#include "model/classical/distinct_lights.h"
 #include "model/interpolator.h"
 
 namespace lightstage::model {
@@ -19,8 +20,7 @@ namespace lightstage::model {
 // every dimension, so M is regular for distinct lights). M is inverted once; a query costs n^2
 // multiplications. Since 1 is among the p, the weights sum to 1; at a light they are 1 there and 0 elsewhere.
 //
-// Lights closer together than 1e-4 radians (finer than any calibration) are one point and share its weight
-// equally. Axes along which the lights spread less than 1 % of the widest get no linear term: one light
+// Lights in the same place share their weight (DistinctLights). Axes along which the lights spread less than 1 % of the widest get no linear term: one light
 // leaves the constant, lights in one plane a plane, where a full polynomial would not be determined or would
 // follow calibration errors.
 class ThinPlateWeights {
@@ -42,12 +42,8 @@ class ThinPlateWeights {
   std::vector<double> right_side(core::Vec3 query) const;
   template <class Value>
   std::vector<Value> solve(const std::vector<Value>& right_side) const;
-  template <class Value>
-  std::vector<Value> per_light(const std::vector<Value>& per_point) const;
 
-  std::vector<core::Vec3> points_;  // distinct
-  std::vector<std::size_t> point_of_light_;
-  std::vector<std::size_t> lights_at_point_;
+  DistinctLights lights_;
   core::Vec3 centre_;  // the polynomial is 1, axis_k . (q - centre)
   std::vector<core::Vec3> axes_;
   std::vector<double> inverse_;  // of M, the part that gives w: a column a term of the right side
