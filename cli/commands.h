@@ -22,6 +22,7 @@ void add_model(CLI::App& program, Context& context);
 void add_superres(CLI::App& program, Context& context);
 void add_relight(CLI::App& program, Context& context);
 void add_sky(CLI::App& program, Context& context);
+void add_methods(CLI::App& program, Context& context);
 void add_evaluate(CLI::App& program, Context& context);
 void add_store(CLI::App& program, Context& context);
 void add_doctor(CLI::App& program, Context& context);

@@ -61,10 +61,10 @@ std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store
     throw core::UsageError(options.method.model + " is a model for --method " +
                            std::string(model::architecture_name(*given)) + ", which is not among the methods");
   }
+  refuse_useless_knobs(options.method, names);
   std::vector<MethodChoice> choices;
   for (const std::string& name : names) {
-    MethodChoice choice = options.method;
-    choice.method = name;
+    MethodChoice choice = for_method(options.method, name);
     if (network_of(name) != given) choice.model.clear();
     choices.push_back(resolve(choice, store, scan_id));
   }
@@ -289,11 +289,7 @@ void add_evaluate(CLI::App& program, Context& context) {
   command->add_flag("--linear", options->linear, "Judge linear values instead of display-encoded ones");
   command->add_option("--sheet", options->sheet,
                       "Off grid: write a contact sheet of truth, methods and differences (.png)");
-  add_method_options(*command, options->method);
-  command->get_option("--method")
-      ->description(
-          "Methods, separated by commas: nearest, linear, rbf, blend, superres [all; superres if the scan has a "
-          "model]");
+  add_method_options(*command, options->method, "Methods, separated by commas [all; superres if the scan has a model]");
   command->callback([options, &context] { run_evaluate(*options, context); });
 }
 

@@ -90,6 +90,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_superres(program, context);
   add_relight(program, context);
   add_sky(program, context);
+  add_methods(program, context);
   add_evaluate(program, context);
   add_store(program, context);
   add_doctor(program, context);

@@ -46,7 +46,7 @@ relight::RelightReport relit(const Options& options, const std::optional<core::D
       options.virtual_lights);
 }
 
-void run_relight(Options options, Context& context) {
+void run_relight(const Options& options, Context& context) {
   if (options.light.empty() == options.environment.empty()) {
     throw core::UsageError("give one light: --light x,y,z, or --env FILE");
   }
@@ -55,11 +55,14 @@ void run_relight(Options options, Context& context) {
   if (!options.light.empty()) light = direction_option("--light", options.light);
   if (options.out.extension() != ".exr")
     throw core::UsageError("--out: '" + options.out.string() + "' must end in .exr");
-  // An environment is a sum of very many lights, and light adds up linearly: display values would not.
-  if (!options.environment.empty()) options.method.options.domain = model::Domain::kLinear;
   db::Store store = context.open_store();
   const db::Scan scan = store.scan(options.name);
-  const MethodChoice choice = resolve(options.method, store, scan.id);
+  MethodChoice choice = resolve(options.method, store, scan.id);
+  if (!options.environment.empty()) {
+    // It is a sum of very many lights, and light adds up linearly: display values would not.
+    choice.options.domain = model::Domain::kLinear;
+    choice.knobs["--domain"] = "linear";
+  }
   const db::LoadedScan source = load_scan(store, options.name);
   const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
   const relight::RelightReport report = relit(options, light, *interpolator);
@@ -82,9 +85,8 @@ void run_relight(Options options, Context& context) {
        {"rotate_deg", options.rotate_degrees},
        {"samples", options.samples},
        {"virtual_lights", options.virtual_lights},
-       {"neighbours", choice.options.neighbours},
-       {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
        {"method", choice.method},
+       {"knobs", knob_values(choice)},
        {"model", choice.options.model_file.string()},
        {"model_hash", choice.options.model_file.empty() ? "" : db::hash_file(choice.options.model_file).hex()},
        {"stops", stops},
@@ -133,7 +135,7 @@ void add_relight(CLI::App& program, Context& context) {
   command->add_option("--exposure", options->exposure_stops, "Stops for the PNG [so that the bright parts just fit]")
       ->check(number_between(-60, 60));
   command->add_option("--out", options->out, "The .exr to write; a .png comes beside it")->required();
-  add_method_options(*command, options->method);
+  add_method_options(*command, options->method, kOneMethod);
   command->callback([options, &context] { run_relight(*options, context); });
 }
 

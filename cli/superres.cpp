@@ -67,11 +67,9 @@ void run_superres(const Options& options, Context& context) {
   nlohmann::ordered_json parameters{{"source", options.name},
                                     {"method", choice.method},
                                     {"lights", options.lights},
-                                    {"neighbours", choice.options.neighbours},
-                                    {"domain", choice.options.domain == model::Domain::kLinear ? "linear" : "display"},
+                                    {"knobs", knob_values(choice)},
                                     {"program_version", core::kVersion}};
   if (options.adapt_minutes) parameters["adapt_minutes"] = *options.adapt_minutes;
-  if (choice.options.sharpness) parameters["sharpness"] = *choice.options.sharpness;
   if (!choice.options.model_file.empty()) parameters["model_hash"] = db::hash_file(choice.options.model_file).hex();
   if (source.calibration_id) parameters["calibration"] = *source.calibration_id;
   if (source.alignment_id) parameters["alignment"] = *source.alignment_id;
@@ -107,7 +105,7 @@ void add_superres(CLI::App& program, Context& context) {
                    "First train the network for so many minutes on this scan, from where it stands; the same command "
                    "goes on with what was interrupted")
       ->check(number_between(0.01, 1e5));
-  add_method_options(*command, options->method);
+  add_method_options(*command, options->method, kOneMethod);
   command->callback([options, &context] { run_superres(*options, context); });
 }
 

@@ -1,13 +1,12 @@
 #include "model/methods.h"
 
-#include <algorithm>
-
 #include "core/error.h"
 #include "core/sphere.h"
 #include "core/text.h"
 #include "model/alias_free_weights.h"
 #include "model/checkpoint.h"
 #include "model/classical.h"
+#include "model/knobs.h"
 
 namespace lightstage::model {
 
@@ -31,35 +30,97 @@ std::unique_ptr<LightInterpolator> make_network(const core::OlatScan& scan, cons
   return make_network_interpolator(scan, options.model_file, options.network);
 }
 
+Knob domain_knob() {
+  return choice_knob<Domain>(
+      "--domain",
+      "the values that are summed, linear light or display-encoded; an environment is always summed linearly",
+      [](MethodOptions& options) -> Domain& { return options.domain; }, {"linear", "display"});
+}
+
+Knob model_knob(const std::string& otherwise) {
+  return {"--model", "the network's weights", "the newest trained on the scan" + otherwise, "a file or name", false,
+          {}};
+}
+
+// To add a method: one entry here.
 const std::vector<Entry>& entries() {
   static const std::vector<Entry> all{
-      {{"nearest", "the captured image of the nearest light; what every other method must beat",
-        "Debevec et al. 2000, Acquiring the reflectance field of a human face"},
-       [](const core::OlatScan& scan, const MethodOptions&) { return make_nearest(scan); }},
-      {{"linear", "the nearest lights blended with weights that change continuously; fast and never negative",
-        "Sun et al. 2020, Light Stage Super-Resolution, section 4.2"},
-       [](const core::OlatScan& scan, const MethodOptions& options) {
-         const double sharpness =
-             options.sharpness.value_or(default_sharpness(core::median_spacing_radians(scan.directions())));
-         return make_linear_blend(scan, options.neighbours, sharpness, options.domain);
-       }},
-      {{"barycentric",
-        "the three lights around the query, weighted over the triangle between them; cheap, no knob to fit",
-        "Renka 1997, Algorithm 772: STRIPACK, Delaunay triangulation and Voronoi diagram on the surface of a sphere"},
-       [](const core::OlatScan& scan, const MethodOptions& options) { return make_barycentric(scan, options.domain); }},
-      {{"rbf", "every pixel interpolated over the lights by thin-plate splines; the strongest without training",
-        "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance functions for "
-        "image-based relighting"},
-       [](const core::OlatScan& scan, const MethodOptions& options) { return make_rbf(scan, options.domain); }},
-      {{"blend",
-        "a network that corrects rbf by choosing among captured pixels; sharp shadows, and no training is needed",
-        "after Sun et al. 2020, Light Stage Super-Resolution"},
-       make_network<Architecture::kBlend>},
-      {{"superres", "the published network, trained by `lightstage train`; draws the picture anew",
-        "Sun et al. 2020, Light Stage Super-Resolution"},
-       make_network<Architecture::kSuperres>},
+      {.info = {.name = "nearest",
+                .summary = "the captured image of the nearest light; what every other method must beat",
+                .citation = "Debevec et al. 2000, Acquiring the reflectance field of a human face",
+                .knobs = {}},
+       .make = [](const core::OlatScan& scan, const MethodOptions&) { return make_nearest(scan); }},
+
+      {.info = {.name = "linear",
+                .summary = "the nearest lights blended with weights that change continuously; fast and never negative",
+                .citation = "Sun et al. 2020, Light Stage Super-Resolution, section 4.2",
+                .knobs = {whole_number_knob(
+                              "--neighbours", "lights that are blended",
+                              [](MethodOptions& options) -> int& { return options.neighbours; }, 1, 1000),
+                          number_knob(
+                              "--sharpness", "s of the weights",
+                              [](MethodOptions& options) -> std::optional<double>& { return options.sharpness; },
+                              "from the light spacing", 0, 1e6),
+                          domain_knob()}},
+       .make =
+           [](const core::OlatScan& scan, const MethodOptions& options) {
+             const double sharpness =
+                 options.sharpness.value_or(default_sharpness(core::median_spacing_radians(scan.directions())));
+             return make_linear_blend(scan, options.neighbours, sharpness, options.domain);
+           }},
+
+      {.info = {.name = "barycentric",
+                .summary =
+                    "the three lights around the query, weighted over the triangle between them; cheap, nothing to fit",
+                .citation = "Renka 1997, Algorithm 772: STRIPACK, Delaunay triangulation and Voronoi diagram on the "
+                            "surface of a sphere",
+                .knobs = {domain_knob()}},
+       .make = [](const core::OlatScan& scan,
+                  const MethodOptions& options) { return make_barycentric(scan, options.domain); }},
+
+      {.info =
+           {.name = "rbf",
+            .summary =
+                "every pixel interpolated over the lights by radial basis functions; the strongest without training",
+            .citation = "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance "
+                        "functions for image-based relighting",
+            .knobs = {domain_knob()}},
+       .make = [](const core::OlatScan& scan, const MethodOptions& options) { return make_rbf(scan, options.domain); }},
+
+      {.info = {.name = "blend",
+                .summary = "a network that corrects rbf by choosing among captured pixels; sharp shadows, and no "
+                           "training is needed",
+                .citation = "after Sun et al. 2020, Light Stage Super-Resolution",
+                .knobs = {model_knob(", else the one that comes with the program")}},
+       .make = make_network<Architecture::kBlend>},
+
+      {.info = {.name = "superres",
+                .summary = "the published network, trained by `lightstage train`; draws the picture anew",
+                .citation = "Sun et al. 2020, Light Stage Super-Resolution",
+                .knobs =
+                    {model_knob(""),
+                     flag_knob("--bf16", "multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01",
+                               [](MethodOptions& options) -> bool& { return options.network.bfloat16; }),
+                     flag_knob("--half-cache",
+                               "keep what the network makes of captured images in 16 bits, so that twice as much fits",
+                               [](MethodOptions& options) -> bool& { return options.network.half_storage; }),
+                     megabytes_knob("--cache-mb", "memory for captured images and what the network makes of each, MiB",
+                                    [](MethodOptions& options) -> std::size_t& { return options.network.cache_bytes; }),
+                     megabytes_knob(
+                         "--spill-mb", "temporary file for encoded images that do not fit there, MiB",
+                         [](MethodOptions& options) -> std::size_t& { return options.network.spill_bytes; })}},
+       .make = make_network<Architecture::kSuperres>},
   };
   return all;
+}
+
+const Entry& entry_named(std::string_view name) {
+  for (const Entry& entry : entries())
+    if (entry.info.name == name) return entry;
+  std::vector<std::string> names;
+  for (const Entry& entry : entries()) names.push_back(entry.info.name);
+  throw core::UsageError("no method '" + std::string(name) + "'" + core::did_you_mean(name, names) + "; methods are " +
+                         core::joined(names, ", "));
 }
 
 }  // namespace
@@ -73,18 +134,13 @@ const std::vector<MethodInfo>& methods() {
   return infos;
 }
 
+const MethodInfo& method_info(std::string_view name) {
+  return entry_named(name).info;
+}
+
 std::unique_ptr<LightInterpolator> make_interpolator(std::string_view method, const core::OlatScan& scan,
                                                      const MethodOptions& options) {
-  const auto found =
-      std::find_if(entries().begin(), entries().end(), [&](const Entry& entry) { return entry.info.name == method; });
-  if (found != entries().end()) return found->make(scan, options);
-
-  std::vector<std::string> names;
-  for (const Entry& entry : entries()) names.push_back(entry.info.name);
-  std::string message =
-      "there is no method '" + std::string(method) + "'" + core::did_you_mean(method, names) + "; methods are:";
-  for (const std::string& name : names) message += " " + name;
-  throw core::UsageError(message);
+  return entry_named(method).make(scan, options);
 }
 
 }  // namespace lightstage::model

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -17,26 +18,43 @@ namespace lightstage::model {
 // published metrics judge, since an error in the dark counts for more).
 enum class Domain { kLinear, kDisplay };
 
+struct MethodOptions;
+
+// What a user may choose of a method; command lines and listings are made from it.
+struct Knob {
+  std::string option;         // "--sharpness"; the same option means the same in every method that has it
+  std::string what;           // "s of the weights"
+  std::string default_value;  // "8"; or where it comes from: "from the light spacing"
+  std::string values;         // "1..1000", "linear|display", "on|off", "a file or name"
+  bool flag = false;          // given without a value, which turns it on
+  // Puts the value that a text says into the options. Throws UsageError naming the option for a text that says none. Empty for --model, a
+  // name that the program first has to find a file for.
+  std::function<void(MethodOptions& options, const std::string& text)> set;
+};
+
 struct MethodInfo {
   std::string name;
   std::string summary;   // one line: what it does and what it is for
   std::string citation;  // "Sun et al. 2020, Light Stage Super-Resolution"
+  std::vector<Knob> knobs;
 };
 
 // nearest, linear, barycentric, rbf, blend, superres; in this order.
 const std::vector<MethodInfo>& methods();
 
+// Throws UsageError for a name that does not exist (with the nearest one, and all).
+const MethodInfo& method_info(std::string_view name);
+
 struct MethodOptions {
-  Domain domain = Domain::kDisplay;  // of linear, barycentric and rbf; nearest is the same in both, networks work display-encoded
-  int neighbours = 8;                // k of linear; networks take theirs from the checkpoint
+  Domain domain =
+      Domain::kDisplay;  // of linear, barycentric and rbf; nearest is the same in both, networks work display-encoded
+  int neighbours = 8;    // k of linear; networks take theirs from the checkpoint
   std::optional<double> sharpness;   // s of linear; default_sharpness of the scan's spacing otherwise
   NetworkOptions network;            // of superres
   std::filesystem::path model_file;  // checkpoint for blend and superres
 };
 
-// Throws UsageError for a name that does not exist (with the nearest one) or a network without model file or with
-// another network's, BadInput for
-// a checkpoint that cannot be used.
+// Throws UsageError as method_info and for a network without model file or with another network's, BadInput for a checkpoint that cannot be used.
 std::unique_ptr<LightInterpolator> make_interpolator(std::string_view method, const core::OlatScan& scan,
                                                      const MethodOptions& options = {});
 

@@ -1,71 +1,110 @@
 #include "cli/jobs/method_options.h"
 
 #include <algorithm>
-#include <map>
 
 #include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
 
 #include "cli/jobs/scans.h"
-#include "cli/options.h"
 #include "core/error.h"
 #include "core/text.h"
 #include "model/shipped_model.h"
 
 namespace lightstage::cli {
 
-void add_method_options(CLI::App& command, MethodChoice& choice) {
-  std::string names;
+namespace {
+
+// The methods that have a knob, by name.
+std::vector<std::string> methods_with(const std::string& option) {
+  std::vector<std::string> names;
   for (const model::MethodInfo& method : model::methods()) {
-    names += "\n  " + method.name + ": " + method.summary + " (" + method.citation + ")";
+    const bool has = std::any_of(method.knobs.begin(), method.knobs.end(),
+                                 [&](const model::Knob& knob) { return knob.option == option; });
+    if (has) names.push_back(method.name);
   }
-  command.add_option(
-      "--method", choice.method,
-      "How pictures between the lights are made [by the newest model trained on the scan that beat rbf, else blend]:" +
-          names);
-  command.add_option(
-      "--model", choice.model,
-      "Model file or name, for blend and superres [the newest trained on the scan; blend has one from the start]");
-  command.add_option("--neighbours", choice.options.neighbours, "Lights that linear blends")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1000));
-  command.add_option("--sharpness", choice.options.sharpness, "s of linear's weights [from the light spacing]")
-      ->check(number_between(0.0, 1e6));
-  command.add_flag("--bf16", choice.options.network.bfloat16,
-                   "superres: multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01");
-  command.add_flag("--half-cache", choice.options.network.half_storage,
-                   "superres: keep what the network makes of captured images in 16 bits, so that twice as much fits");
-  const auto megabytes = [&](const std::string& name, std::size_t& bytes, const std::string& description) {
-    command
-        .add_option_function<std::size_t>(
-            name, [&bytes](std::size_t value) { bytes = value << 20; }, description)
-        ->check(CLI::Range(0, 1 << 24));
+  return names;
+}
+
+void add_knob(CLI::App& command, MethodChoice& choice, const model::Knob& knob) {
+  const std::string help =
+      core::joined(methods_with(knob.option), ", ") + ": " + knob.what + " [" + knob.default_value + "]";
+  if (!knob.set) {
+    command.add_option(knob.option, choice.model, help);
+    return;
+  }
+  const auto set = [&choice, &knob](const std::string& text) {
+    knob.set(choice.options, text);
+    choice.knobs[knob.option] = text;
   };
-  megabytes("--cache-mb", choice.options.network.cache_bytes,
-            "superres: memory for captured images and what the network makes of each, MiB [2048]");
-  megabytes("--spill-mb", choice.options.network.spill_bytes,
-            "superres: temporary file for encoded images that do not fit there, MiB [0]");
-  const std::map<std::string, model::Domain> domains{{"linear", model::Domain::kLinear},
-                                                     {"display", model::Domain::kDisplay}};
-  command
-      .add_option(
-          "--domain", choice.options.domain,
-          "linear and rbf: blend linear or display-encoded values [display; an environment is always summed linearly]")
-      ->transform(CLI::CheckedTransformer(domains));
+  if (knob.flag) {
+    command.add_flag_callback(
+        knob.option, [set] { set("on"); }, help);
+  } else {
+    command.add_option_function<std::string>(knob.option, set, help)->type_name(knob.values);
+  }
+}
+
+bool has(const std::string& method, const std::string& option) {
+  const std::vector<std::string> names = methods_with(option);
+  return std::find(names.begin(), names.end(), method) != names.end();
+}
+
+}  // namespace
+
+void add_method_options(CLI::App& command, MethodChoice& choice, const std::string& method_help) {
+  std::string list;
+  for (const model::MethodInfo& method : model::methods())
+    list += "\n  " + method.name + ": " + method.summary + " (" + method.citation + ")";
+  command.add_option("--method", choice.method, method_help + ":" + list);
+  std::vector<std::string> added;
+  for (const model::MethodInfo& method : model::methods()) {
+    for (const model::Knob& knob : method.knobs) {
+      if (std::find(added.begin(), added.end(), knob.option) != added.end()) continue;
+      added.push_back(knob.option);
+      add_knob(command, choice, knob);
+    }
+  }
+}
+
+void refuse_useless_knobs(const MethodChoice& choice, std::span<const std::string> methods) {
+  std::vector<std::string> given;
+  if (!choice.model.empty()) given.push_back("--model");
+  for (const auto& [option, text] : choice.knobs) given.push_back(option);
+  for (const std::string& option : given) {
+    if (std::none_of(methods.begin(), methods.end(), [&](const std::string& method) { return has(method, option); })) {
+      throw core::UsageError(option + " is a knob of " + core::joined(methods_with(option), ", ") + ", not of " +
+                             core::joined(methods, ", ") + "; see `lightstage methods`");
+    }
+  }
+}
+
+MethodChoice for_method(const MethodChoice& choice, const std::string& method) {
+  MethodChoice its = choice;
+  its.method = method;
+  if (!has(method, "--model")) its.model.clear();
+  std::erase_if(its.knobs, [&](const auto& knob) { return !has(method, knob.first); });
+  return its;
+}
+
+nlohmann::ordered_json knob_values(const MethodChoice& choice) {
+  nlohmann::ordered_json values = nlohmann::ordered_json::object();
+  for (const model::Knob& knob : model::method_info(choice.method).knobs) {
+    if (!knob.set) continue;
+    const auto given = choice.knobs.find(knob.option);
+    values[knob.option.substr(2)] = given != choice.knobs.end() ? given->second : knob.default_value;
+  }
+  return values;
 }
 
 MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id, bool adapted) {
-  std::vector<std::string> names;
-  for (const model::MethodInfo& method : model::methods()) names.push_back(method.name);
-  if (!choice.method.empty() && std::find(names.begin(), names.end(), choice.method) == names.end()) {
-    throw core::UsageError("no method '" + choice.method + "'" + core::did_you_mean(choice.method, names));
+  if (!choice.method.empty()) {
+    model::method_info(choice.method);
+    refuse_useless_knobs(choice, std::vector{choice.method});
   }
   MethodChoice resolved = choice;
   std::filesystem::path& file = resolved.options.model_file;
   const std::optional<model::Architecture> architecture = network_of(choice.method);
-  if (!choice.method.empty() && !architecture) {
-    if (!choice.model.empty()) throw core::UsageError("--model: method " + choice.method + " is no network");
-    return resolved;
-  }
+  if (!choice.method.empty() && !architecture) return resolved;
   if (!choice.model.empty()) {
     file = find_model(store, choice.model);
   } else {
@@ -77,6 +116,7 @@ MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id 
   if (choice.method.empty()) {
     resolved.method =
         file.empty() ? "rbf" : model::architecture_name(model::read_checkpoint_info(file).config.architecture);
+    refuse_useless_knobs(resolved, std::vector{resolved.method});
   }
   if (architecture && file.empty()) {
     throw core::UsageError("no " + choice.method +

@@ -11,7 +11,7 @@ TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
   for (const std::string command :
        {"init", "stage", "capture", "calibrate", "align", "import", "export", "train", "superres", "relight", "sky",
-        "evaluate", "store", "model", "bench", "doctor", "lights-off", "demo"}) {
+        "methods", "evaluate", "store", "model", "bench", "doctor", "lights-off", "demo"}) {
     INFO(command);
     const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);
