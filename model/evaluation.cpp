@@ -12,35 +12,63 @@
 #include "core/progress.h"
 #include "core/sphere.h"
 #include "model/metrics.h"
+#include "model/peak_memory.h"
 
 namespace lightstage::model {
 
 namespace {
 
-// The errors of one method so far.
-struct Tally {
-  MethodScore sums;  // rmse and h1 squared
+constexpr double kBinDegrees = 1.5, kLastBinDegrees = 15;
 
-  void add(const MethodScore& image) {
-    ++sums.images;
-    sums.rmse += image.rmse;
-    sums.h1 += image.h1;
-    sums.dssim += image.dssim;
-    sums.flip += image.flip;
-    sums.seconds_per_image += image.seconds_per_image;
+// The mean of what `of` gives for each; 0 for none.
+template <class Of>
+double mean(std::span<const ImageScore> images, const Of& of) {
+  double sum = 0;
+  for (const ImageScore& image : images) sum += of(image);
+  return images.empty() ? 0 : sum / double(images.size());
+}
+
+double mean_of(std::span<const ImageScore> images, double ImageScore::*error) {
+  return mean(images, [error](const ImageScore& image) { return image.*error; });
+}
+
+std::optional<double> mean_of(std::span<const ImageScore> images, std::optional<double> ImageScore::*error) {
+  if (images.empty() || !(images.front().*error)) return std::nullopt;
+  return mean(images, [error](const ImageScore& image) { return (image.*error).value(); });
+}
+
+std::vector<AngleBin> by_angle(const std::vector<ImageScore>& images) {
+  std::vector<AngleBin> bins;
+  for (int i = 0; i * kBinDegrees < kLastBinDegrees; ++i)
+    bins.push_back({.from_deg = i * kBinDegrees, .to_deg = (i + 1) * kBinDegrees});
+  bins.push_back({.from_deg = kLastBinDegrees, .to_deg = 180});
+  std::vector<std::vector<ImageScore>> sorted(bins.size());
+  for (const ImageScore& image : images)
+    sorted[std::min(bins.size() - 1, std::size_t(image.degrees_to_light / kBinDegrees))].push_back(image);
+  for (std::size_t i = 0; i < bins.size(); ++i) {
+    bins[i].images = sorted[i].size();
+    if (sorted[i].empty()) continue;
+    bins[i].rmse = std::sqrt(mean_of(sorted[i], &ImageScore::mean_squared_error));
+    bins[i].dssim = mean_of(sorted[i], &ImageScore::dssim);
   }
+  return bins;
+}
 
-  MethodScore score() const {
-    const double n = double(std::max<std::size_t>(1, sums.images));
-    return {sums.name,      sums.images,   std::sqrt(sums.rmse / n),  std::sqrt(sums.h1 / n),
-            sums.dssim / n, sums.flip / n, sums.seconds_per_image / n};
-  }
-};
-
-std::vector<MethodScore> scores(const std::vector<Tally>& tallies) {
-  std::vector<MethodScore> result;
-  for (const Tally& tally : tallies) result.push_back(tally.score());
-  return result;
+MethodScore score(std::string name, std::vector<ImageScore> images, std::optional<std::size_t> peak_rss_bytes) {
+  return {.name = std::move(name),
+          .images = images.size(),
+          .rmse = std::sqrt(mean_of(images, &ImageScore::mean_squared_error)),
+          .h1 = std::sqrt(mean_of(images, &ImageScore::squared_h1)),
+          .dssim = mean_of(images, &ImageScore::dssim),
+          .msssim = mean_of(images, &ImageScore::msssim),
+          .gmsd = mean_of(images, &ImageScore::gmsd),
+          .flip = mean_of(images, &ImageScore::flip),
+          .hdr_flip = mean_of(images, &ImageScore::hdr_flip),
+          .own_error = mean_of(images, &ImageScore::own_error),
+          .seconds_per_image = mean_of(images, &ImageScore::seconds),
+          .by_angle = by_angle(images),
+          .peak_rss_bytes = peak_rss_bytes,
+          .each = std::move(images)};
 }
 
 // Compares what methods render with the truth, as one scan is judged.
@@ -49,8 +77,8 @@ class Judge {
   Judge(const core::OlatScan& scan, const EvaluationOptions& options)
       : scan_(scan), options_(options), exposure_(scan.exposure()) {}
 
-  void compare(const LightInterpolator& method, const core::Direction& query, const core::Image& truth,
-               Tally& tally) const {
+  ImageScore compare(const LightInterpolator& method, std::size_t index, const core::Direction& query,
+                     const core::Image& truth) const {
     const auto start = std::chrono::steady_clock::now();
     const core::Image picture = method.render(query);
     const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start;
@@ -61,21 +89,30 @@ class Judge {
     const core::Image is = same_channels ? picture : core::to_rgb(picture);
     const core::Image should = same_channels ? truth : core::to_rgb(truth);
     const core::Image is_shown = judged(is, exposure_, false), should_be_shown = judged(should, exposure_, false);
-    MethodScore errors;
+    ImageScore errors{.index = index, .degrees_to_light = degrees_to_light(method.scan(), query)};
     if (options_.linear_values)
       measure(judged(is, exposure_, true), judged(should, exposure_, true), errors);
     else
       measure(is_shown, should_be_shown, errors);
     errors.flip = flip(is_shown, should_be_shown, scan_.mask());
-    errors.seconds_per_image = elapsed.count();
-    tally.add(errors);
+    if (options_.hdr_flip) errors.hdr_flip = hdr_flip(should, is, scan_.mask());
+    if (options_.own_metric) errors.own_error = options_.own_metric(should_be_shown, is_shown, scan_.mask());
+    errors.seconds = elapsed.count();
+    return errors;
   }
 
  private:
-  void measure(core::ImageView is, core::ImageView should, MethodScore& errors) const {
-    errors.rmse = mean_squared_error(is, should, scan_.mask());
-    errors.h1 = squared_h1(is, should, scan_.mask());
+  void measure(core::ImageView is, core::ImageView should, ImageScore& errors) const {
+    errors.mean_squared_error = mean_squared_error(is, should, scan_.mask());
+    errors.squared_h1 = squared_h1(is, should, scan_.mask());
     errors.dssim = dssim(is, should, scan_.mask());
+    errors.msssim = ms_ssim(is, should, scan_.mask());
+    errors.gmsd = gmsd(is, should, scan_.mask());
+  }
+
+  static double degrees_to_light(const core::OlatScan& scan, const core::Direction& query) {
+    const std::size_t nearest = core::nearest_indices(scan.directions(), query, 1).front();
+    return core::degrees_from_radians(core::angle_radians(scan.directions()[nearest], query));
   }
 
   const core::OlatScan& scan_;
@@ -107,23 +144,22 @@ std::vector<MethodScore> evaluate_held_out(const core::OlatScan& scan, std::span
   // Held, so that methods fitted anew for every light need not encode the others anew.
   const core::OlatScan encoded = scan.display_encoded();
   const Judge judge(scan, options);
-  std::vector<Tally> tallies(methods.size());
+  std::vector<MethodScore> scores;
   core::Progress progress("evaluate", ((scan.light_count() - 1) / step + 1) * methods.size());
-  for (std::size_t left_out = 0; left_out < scan.light_count(); left_out += step) {
-    std::vector<std::size_t> others;
-    for (std::size_t i = 0; i < scan.light_count(); ++i)
-      if (i != left_out) others.push_back(i);
-    const core::OlatScan rest = scan.with_lights(others);
-    const auto truth = scan.image(left_out);
-    for (std::size_t m = 0; m < methods.size(); ++m) {
+  for (const InterpolatorFactory& make : methods) {
+    const PeakMemory memory;
+    std::string name;
+    std::vector<ImageScore> images;
+    for (std::size_t left_out = 0; left_out < scan.light_count(); left_out += step) {
       core::throw_if_interrupted();
-      const std::unique_ptr<LightInterpolator> method = methods[m](rest);
-      tallies[m].sums.name = method->name();
-      judge.compare(*method, scan.directions()[left_out], *truth, tallies[m]);
+      const std::unique_ptr<LightInterpolator> method = make(without_light(scan, left_out));
+      name = method->name();
+      images.push_back(judge.compare(*method, left_out, scan.directions()[left_out], *scan.image(left_out)));
       progress.advance();
     }
+    scores.push_back(score(name, std::move(images), memory.bytes()));
   }
-  return scores(tallies);
+  return scores;
 }
 
 std::vector<MethodScore> evaluate_against_truth(const core::OlatScan& scan,
@@ -132,22 +168,27 @@ std::vector<MethodScore> evaluate_against_truth(const core::OlatScan& scan,
                                                 const std::function<core::Image(std::size_t)>& truth,
                                                 const EvaluationOptions& options) {
   const Judge judge(scan, options);
-  std::vector<std::unique_ptr<LightInterpolator>> fitted;
-  std::vector<Tally> tallies(methods.size());
-  for (std::size_t m = 0; m < methods.size(); ++m) {
-    fitted.push_back(methods[m](scan));
-    tallies[m].sums.name = fitted[m]->name();
-  }
+  std::vector<MethodScore> scores;
   core::Progress progress("evaluate", directions.size() * methods.size());
-  for (std::size_t i = 0; i < directions.size(); ++i) {
-    const core::Image right = truth(i);
-    for (std::size_t m = 0; m < fitted.size(); ++m) {
+  for (const InterpolatorFactory& make : methods) {
+    const PeakMemory memory;
+    const std::unique_ptr<LightInterpolator> method = make(scan);
+    std::vector<ImageScore> images;
+    for (std::size_t i = 0; i < directions.size(); ++i) {
       core::throw_if_interrupted();
-      judge.compare(*fitted[m], directions[i], right, tallies[m]);
+      images.push_back(judge.compare(*method, i, directions[i], truth(i)));
       progress.advance();
     }
+    scores.push_back(score(std::string(method->name()), std::move(images), memory.bytes()));
   }
-  return scores(tallies);
+  return scores;
+}
+
+core::OlatScan without_light(const core::OlatScan& scan, std::size_t left_out) {
+  std::vector<std::size_t> others;
+  for (std::size_t i = 0; i < scan.light_count(); ++i)
+    if (i != left_out) others.push_back(i);
+  return scan.with_lights(others);
 }
 
 std::vector<core::Direction> off_grid_directions(std::span<const core::Direction> lights, std::size_t count,
@@ -168,6 +209,28 @@ std::vector<core::Direction> off_grid_directions(std::span<const core::Direction
     }
   }
   return chosen;
+}
+
+std::vector<std::size_t> well_spread(std::span<const core::Direction> lights, std::size_t n) {
+  if (n == 0) throw core::UsageError("a stage has one light at least, not 0");
+  if (lights.empty()) return {};
+  std::vector<double> distance(lights.size(), INFINITY);  // to the nearest one chosen
+  std::vector<std::size_t> chosen{core::nearest_indices(lights, core::Direction::from_vector({0, 0, 1}), 1).front()};
+  while (chosen.size() < std::min(n, lights.size())) {
+    const core::Direction& last = lights[chosen.back()];
+    for (std::size_t i = 0; i < lights.size(); ++i)
+      distance[i] = std::min(distance[i], core::angle_radians(lights[i], last));
+    for (const std::size_t i : chosen) distance[i] = -1;  // duplicates stand at distance 0
+    chosen.push_back(std::size_t(std::max_element(distance.begin(), distance.end()) - distance.begin()));
+  }
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
+}
+
+int published_neighbours(std::size_t n) {
+  constexpr double kLights = 302, kLightsANeighbour = 50;
+  constexpr int kMost = 8, kFewest = 4;
+  return std::clamp(static_cast<int>(std::lround(kMost - (kLights - double(n)) / kLightsANeighbour)), kFewest, kMost);
 }
 
 }  // namespace lightstage::model

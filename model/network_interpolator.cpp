@@ -69,7 +69,7 @@ core::Image BlendInterpolator::render(const core::Direction& query) const {
 std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatScan& scan,
                                                              const std::filesystem::path& checkpoint,
                                                              const NetworkOptions& options) {
-  std::unique_ptr<Network> network = load_network(checkpoint);
+  std::unique_ptr<Network> network = load_network(checkpoint, options.neighbours);
   if (const auto* superres = dynamic_cast<const SuperresNetwork*>(network.get())) {
     return make_engine_interpolator(
         scan, *superres,

@@ -4,14 +4,17 @@
 #include <cstddef>
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 #include "core/olat_scan.h"
 #include "model/interpolator.h"
 
 namespace lightstage::model {
 
-// How `superres` computes.
+// How networks compute; all but the first is of `superres`.
 struct NetworkOptions {
+  // Nearest lights that a query takes; the checkpoint's number, with which the network was trained, where it is left open. 1 to 64.
+  std::optional<int> neighbours = {};
   // Products of bfloat16 numbers, sums of float32: 1.7 times as fast, values within about 0.01. UsageError where the processor cannot.
   bool bfloat16 = false;
   // Encodings kept as float16, so that twice as many fit; values within about 0.001 (and always with `bfloat16`, where it is lost in the noise).
@@ -21,8 +24,8 @@ struct NetworkOptions {
   std::size_t spill_bytes = 0;
 };
 
-// Reads the checkpoint (model/checkpoint.h) once; the method is named as its architecture. A query takes the checkpoint's number of nearest lights
-// (fewer where the scan has fewer). Outside the mask's bounding box the picture is that of thin-plate interpolation for blend, of linear blending
+// Reads the checkpoint (model/checkpoint.h) once; the method is named as its architecture. A query takes the nearest lights, fewer than asked for
+// where the scan has fewer. Outside the mask's bounding box the picture is that of thin-plate interpolation for blend, of linear blending
 // for superres. Throws BadInput for a checkpoint that is missing, damaged or of another version.
 std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatScan& scan,
                                                              const std::filesystem::path& checkpoint,

@@ -43,9 +43,11 @@ void save_network(const std::filesystem::path& path, const Network& network, con
   write_tensors(path, checkpoint_metadata(network.config(), provenance), network.parameters());
 }
 
-std::unique_ptr<Network> load_network(const std::filesystem::path& path) {
+std::unique_ptr<Network> load_network(const std::filesystem::path& path, std::optional<int> neighbours) {
   const SafetensorsHeader header = read_safetensors_header(path);
-  std::unique_ptr<Network> network = make_network(checkpoint_info(path, header).config, /*seed=*/0);
+  NetworkConfig config = checkpoint_info(path, header).config;
+  config.neighbours = neighbours.value_or(config.neighbours);
+  std::unique_ptr<Network> network = make_network(config, /*seed=*/0);
   read_tensors(path, header, network->parameters());
   return network;
 }

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,7 +27,7 @@ void write_tensors(const std::filesystem::path& path, const std::map<std::string
 void read_tensors(const std::filesystem::path& path, const SafetensorsHeader& header, const NamedTensors& into);
 
 void save_network(const std::filesystem::path& path, const Network& network, const std::string& provenance);
-// Throws as read_checkpoint_info and read_tensors.
-std::unique_ptr<Network> load_network(const std::filesystem::path& path);
+// With another number of neighbours than it was trained with, if one is given. Throws as read_checkpoint_info and read_tensors.
+std::unique_ptr<Network> load_network(const std::filesystem::path& path, std::optional<int> neighbours = {});
 
 }  // namespace lightstage::model
