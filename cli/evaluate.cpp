@@ -4,10 +4,15 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
+#include "cli/evaluate/arc.h"
+#include "cli/evaluate/frontier.h"
+#include "cli/evaluate/report.h"
+#include "cli/evaluate/scores.h"
 #include "cli/format.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/jobs/truth.h"
+#include "cli/options.h"
 #include "cli/report/contact_sheet.h"
 #include "core/error.h"
 #include "core/image_file.h"
@@ -15,6 +20,7 @@
 #include "core/text.h"
 #include "model/checkpoint.h"
 #include "model/evaluation.h"
+#include "model/learned_metric.h"
 
 namespace lightstage::cli {
 
@@ -28,8 +34,12 @@ struct Options {
   int every = 1;
   std::size_t directions = 60;
   std::uint64_t seed = 1;
-  bool linear = false;
-  std::filesystem::path sheet;
+  bool linear = false, hdr_flip = false;
+  std::filesystem::path metric_model;
+  std::vector<std::size_t> subsample;
+  std::filesystem::path sheet, report, frontier, arc;
+  std::string arc_from, arc_to;
+  int arc_steps = 60;
   MethodChoice method;
 };
 
@@ -41,19 +51,22 @@ std::vector<std::string> split_names(const std::string& text) {
   return names;
 }
 
-// The methods asked for by name; without --method all that can run.
+// The methods asked for by name; without --method, or for `all`, all that can run: networks but blend only where there is a model.
 std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store& store, db::Id scan_id) {
   std::vector<std::string> names = split_names(options.method.method);
   std::optional<model::Architecture> given;  // what --model is for
   if (!options.method.model.empty()) {
     given = model::read_checkpoint_info(find_model(store, options.method.model)).config.architecture;
   }
-  if (names.empty()) {
+  if (names.empty() || names == std::vector<std::string>{"all"}) {
+    names.clear();
     for (const model::MethodInfo& method : model::methods()) {
       const auto architecture = network_of(method.name);
-      if (architecture != model::Architecture::kSuperres || architecture == given ||
+      if (!architecture || architecture == model::Architecture::kBlend || architecture == given ||
           newest_model(store, scan_id, {.architecture = architecture})) {
         names.push_back(method.name);
+      } else {
+        core::note(method.name + " is left out: no model of it was trained on this scan (give --model)");
       }
     }
   }
@@ -69,16 +82,6 @@ std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store
     choices.push_back(resolve(choice, store, scan_id));
   }
   return choices;
-}
-
-std::vector<model::InterpolatorFactory> factories(const std::vector<MethodChoice>& choices) {
-  std::vector<model::InterpolatorFactory> made;
-  for (const MethodChoice& choice : choices) {
-    made.push_back([&choice](const core::OlatScan& scan) {
-      return model::make_interpolator(choice.method, scan, choice.options);
-    });
-  }
-  return made;
 }
 
 // Whether a model of this origin may have been trained on the lights 0, every, 2 every, ...; what it started from counts too. What
@@ -113,33 +116,6 @@ void warn_if_seen_in_training(const Options& options, const std::vector<MethodCh
                  remedy);
     }
   }
-}
-
-ordered_json to_json(const std::vector<model::MethodScore>& scores) {
-  ordered_json array = ordered_json::array();
-  for (const model::MethodScore& score : scores) {
-    array.push_back({{"name", score.name},
-                     {"images", score.images},
-                     {"rmse", score.rmse},
-                     {"h1", score.h1},
-                     {"dssim", score.dssim},
-                     {"flip", score.flip},
-                     {"seconds_per_image", score.seconds_per_image}});
-  }
-  return array;
-}
-
-std::string to_text(const std::vector<model::MethodScore>& scores) {
-  std::vector<std::vector<std::string>> rows{{"method", "images", "RMSE", "H1", "DSSIM", "FLIP", "s/image"}};
-  const model::MethodScore* best = nullptr;
-  for (const model::MethodScore& score : scores) {
-    rows.push_back({score.name, std::to_string(score.images), fixed(score.rmse, 4), fixed(score.h1, 4),
-                    fixed(score.dssim, 4), fixed(score.flip, 4), fixed(score.seconds_per_image, 4)});
-    if (best == nullptr || score.rmse < best->rmse) best = &score;
-  }
-  std::string text = table(rows);
-  if (scores.size() > 1) text += "lowest RMSE: " + best->name + "\n";
-  return text;
 }
 
 // Which truths to show: some of the brighter half, in which there is something to see, from the brightest on.
@@ -188,34 +164,174 @@ void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan,
   core::write_image(path, contact_sheet(rows), {.encoding = core::Encoding::kLinear});
 }
 
-void report_scores(const Options& options, const Context& context, const char* protocol,
-                   const std::vector<model::MethodScore>& scores) {
-  context.result("'" + options.name + "', " + protocol + ", " + (options.linear ? "linear" : "display-encoded") +
-                     " values over the mask\n" + to_text(scores),
-                 {{"scan", options.name}, {"protocol", protocol}, {"methods", to_json(scores)}});
+// The measures that are asked for.
+model::EvaluationOptions evaluation_options(const Options& options) {
+  model::EvaluationOptions evaluation{.linear_values = options.linear, .hdr_flip = options.hdr_flip};
+  if (!options.metric_model.empty()) {
+    evaluation.own_metric = [metric = std::make_shared<const model::LearnedMetric>(options.metric_model)](
+                                core::ImageView truth, core::ImageView picture, core::ImageView mask) {
+      return (*metric)(truth, picture, mask);
+    };
+  }
+  return evaluation;
+}
+
+std::string own_metric_name(const Options& options) {
+  return options.metric_model.stem().string();
+}
+
+bool is_simulated(const db::Scan& scan) {
+  return is_captured(scan) && capture_provenance(scan).simulation.has_value();
+}
+
+// The queries of --off-grid and their truth.
+struct OffGrid {
+  std::vector<core::Direction> directions;
+  std::shared_ptr<const std::vector<core::Image>> truth;
+
+  OffGrid(const Options& options, const db::Store& store, const db::LoadedScan& loaded)
+      : directions(model::off_grid_directions(loaded.scan.directions(), options.directions, options.seed)) {
+    const SimulatedTruth simulated(store, options.name, {});
+    core::note("rendering the truth for " + std::to_string(directions.size()) + " directions");
+    truth = std::make_shared<const std::vector<core::Image>>(simulated.render(directions));
+  }
+};
+
+void finish(const Options& options, const Context& context, Report report) {
+  const bool several = report.stages.size() > 1 || report.protocol == "subsample";
+  report.json = {
+      {"scan", options.name}, {"protocol", report.protocol}, {"notes", report.stages.front().protocol.notes}};
+  std::string ranking;
+  for (const JudgedStage& stage : report.stages) {
+    const std::string best = best_by_each(stage.scores, report.own_metric);
+    if (!best.empty()) ranking += (several ? std::to_string(stage.lights) + " lights: " : "") + best + "\n";
+    if (!several) {
+      report.json["methods"] = scores_json(stage.scores, report.own_metric);
+      continue;
+    }
+    report.json["stages"].push_back({{"lights", stage.lights},
+                                     {"neighbours", model::published_neighbours(stage.lights)},
+                                     {"methods", scores_json(stage.scores, report.own_metric)}});
+  }
+  std::string notes;
+  for (const std::string& note : report.stages.front().protocol.notes) notes += note + "\n";
+  if (!options.report.empty()) {
+    write_report(options.report, report);
+    report.json["report"] = (options.report / "index.html").string();
+  }
+  context.result("'" + options.name + "', " + report.protocol + ", " + (options.linear ? "linear" : "display-encoded") +
+                     " values over the mask\n" + table(report_rows(report)) + ranking + notes,
+                 report.json);
+}
+
+Report judge(const Options& options, const core::OlatScan& scan, const Protocol& protocol,
+             std::vector<MethodChoice> choices) {
+  std::vector<model::MethodScore> scores = protocol.evaluate(choices);
+  return {.scan = options.name,
+          .protocol = protocol.name,
+          .linear_values = options.linear,
+          .own_metric = own_metric_name(options),
+          .stages = {{scan.light_count(), protocol, std::move(choices), std::move(scores)}},
+          .json = {}};
 }
 
 void evaluate_off_grid(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
-  const std::vector<core::Direction> directions =
-      model::off_grid_directions(loaded.scan.directions(), options.directions, options.seed);
-  const SimulatedTruth simulated(store, options.name, {});
-  core::note("rendering the truth for " + std::to_string(directions.size()) + " directions");
-  const std::vector<core::Image> truth = simulated.render(directions);
-  const auto scores =
-      model::evaluate_against_truth(loaded.scan, factories(choices), directions,
-                                    [&](std::size_t i) { return truth[i]; }, {.linear_values = options.linear});
-  if (!options.sheet.empty()) write_sheet(options.sheet, loaded.scan, choices, directions, truth, options.linear);
-  report_scores(options, context, "off-grid", scores);
+  const OffGrid queries(options, store, loaded);
+  const Protocol protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation_options(options));
+  Report report = judge(options, loaded.scan, protocol, choices);
+  if (!options.sheet.empty())
+    write_sheet(options.sheet, loaded.scan, choices, queries.directions, *queries.truth, options.linear);
+  finish(options, context, std::move(report));
 }
 
 void evaluate_held_out(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
-  if (!options.sheet.empty()) throw core::UsageError("--sheet goes with --off-grid");
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
   warn_if_seen_in_training(options, choices);
-  report_scores(
-      options, context, "held-out",
-      model::evaluate_held_out(loaded.scan, factories(choices), options.every, {.linear_values = options.linear}));
+  const Protocol protocol = held_out(loaded.scan, options.every, evaluation_options(options));
+  finish(options, context, judge(options, loaded.scan, protocol, choices));
+}
+
+void evaluate_subsample(const Options& options, const db::Store& store, const db::LoadedScan& loaded,
+                        Context& context) {
+  const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
+  const OffGrid queries(options, store, loaded);
+  Report report;
+  for (const std::size_t lights : options.subsample) {
+    if (lights > loaded.scan.light_count()) {
+      throw core::UsageError("--subsample: scan '" + options.name + "' has " +
+                             std::to_string(loaded.scan.light_count()) + " lights, not " + std::to_string(lights));
+    }
+  }
+  for (const std::size_t lights : options.subsample) {
+    const core::OlatScan scan = loaded.scan.with_lights(model::well_spread(loaded.scan.directions(), lights));
+    std::vector<MethodChoice> thinned = choices;
+    for (MethodChoice& choice : thinned) {
+      choice.options.neighbours = model::published_neighbours(lights);
+      choice.options.network.neighbours = model::published_neighbours(lights);
+    }
+    core::note(std::to_string(lights) + " lights, " + std::to_string(model::published_neighbours(lights)) +
+               " neighbours");
+    Protocol protocol = off_grid(scan, queries.directions, queries.truth, evaluation_options(options));
+    protocol.notes.push_back(
+        "Fewer lights are chosen as those farthest from the ones chosen before, from the front on; the directions stay "
+        "the "
+        "same. linear and networks blend as many neighbours as published for a stage of that size; networks are not "
+        "trained "
+        "anew for it.");
+    Report judged = judge(options, scan, protocol, std::move(thinned));
+    judged.stages.insert(judged.stages.begin(), std::make_move_iterator(report.stages.begin()),
+                         std::make_move_iterator(report.stages.end()));
+    report = std::move(judged);
+  }
+  report.protocol = "subsample";
+  finish(options, context, std::move(report));
+}
+
+// Judged off the grid where that can be, else by held-out lights, unless one of them is asked for.
+void evaluate_frontier(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
+  const db::Scan scan = store.scan(options.name);
+  const std::vector<MethodChoice> choices = chosen_methods(options, store, scan.id);
+  Protocol protocol;
+  if (options.off_grid || (!options.held_out && is_simulated(scan))) {
+    const OffGrid queries(options, store, loaded);
+    protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation_options(options));
+  } else {
+    warn_if_seen_in_training(options, choices);
+    protocol = held_out(loaded.scan, options.every, evaluation_options(options));
+  }
+  const std::string own_metric = own_metric_name(options);
+  const std::vector<FrontierPoint> points = measure_frontier(choices, loaded.scan, protocol, own_metric);
+  const ordered_json json = frontier_json(options.name, protocol, points, own_metric);
+  write_frontier(options.frontier, json, points, own_metric);
+  context.result("'" + options.name + "', frontier, " + protocol.name + "\n" + frontier_text(points) + "written to " +
+                     options.frontier.string() + "\n",
+                 json);
+}
+
+void evaluate_arc(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
+  const db::Scan scan = store.scan(options.name);
+  const std::vector<MethodChoice> choices = chosen_methods(options, store, scan.id);
+  if (options.arc_from.empty() != options.arc_to.empty()) throw core::UsageError("--from and --to go together");
+  Arc arc;
+  if (options.arc_from.empty()) {
+    arc = arc_between_lights(loaded.scan.directions());
+  } else {
+    arc = {.from = direction_option("--from", options.arc_from), .to = direction_option("--to", options.arc_to)};
+    if (!(arc.degrees() > 0.01 && arc.degrees() < 179.9))
+      throw core::UsageError("--from and --to must be between 0.01 and 179.9 degrees apart");
+  }
+  arc.steps = options.arc_steps;
+  std::vector<core::Image> truth;
+  if (is_simulated(scan)) {
+    core::note("rendering the truth along the arc");
+    truth = SimulatedTruth(store, options.name, {}).render(arc.directions());
+  }
+  const ArcResult result = judge_along_arc(loaded.scan, choices, arc, std::move(truth), options.linear);
+  write_arc(options.arc, options.name, result);
+  context.result("'" + options.name + "', along an arc of " + fixed(arc.degrees(), 1) + " degrees\n" +
+                     arc_text(result) + "written to " + options.arc.string() + "\n",
+                 arc_json(options.name, result));
 }
 
 void evaluate_accuracy(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
@@ -246,13 +362,37 @@ void evaluate_accuracy(const Options& options, const db::Store& store, const db:
                     {"psnr_aligned_db", alignment.psnr_aligned_db}}}});
 }
 
-void run_evaluate(const Options& options, Context& context) {
-  if (int(options.held_out) + int(options.off_grid) + int(options.accuracy) != 1) {
-    throw core::UsageError("give one of --held-out, --off-grid and --accuracy");
+// Options that the chosen protocol would not heed.
+void refuse_useless(const Options& options) {
+  const bool subsample = !options.subsample.empty(), frontier = !options.frontier.empty(), arc = !options.arc.empty();
+  const int protocols = int(options.accuracy) + int(subsample) + int(frontier) + int(arc) +
+                        (frontier ? 0 : int(options.held_out) + int(options.off_grid));
+  if (protocols != 1 || (options.held_out && options.off_grid)) {
+    throw core::UsageError("give one of --held-out, --off-grid, --subsample, --frontier, --arc and --accuracy");
   }
+  if (!options.sheet.empty() && (!options.off_grid || frontier)) throw core::UsageError("--sheet goes with --off-grid");
+  if (!options.report.empty() && (options.accuracy || frontier || arc))
+    throw core::UsageError("--report goes with --held-out, --off-grid and --subsample");
+  if ((options.hdr_flip || !options.metric_model.empty()) && (options.accuracy || arc))
+    throw core::UsageError("--hdr-flip and --metric-model go with --held-out, --off-grid, --subsample and --frontier");
+  if (!arc && (!options.arc_from.empty() || !options.arc_to.empty()))
+    throw core::UsageError("--from and --to go with --arc");
+}
+
+void run_evaluate(const Options& options, Context& context) {
+  refuse_useless(options);
   const db::Store store = context.open_store();
   const db::LoadedScan loaded = load_scan(store, options.name);
-  if (options.off_grid) {
+  for (const std::filesystem::path& folder : {options.report, options.frontier, options.arc}) {
+    if (!folder.empty()) make_folder(folder);
+  }
+  if (!options.frontier.empty()) {
+    evaluate_frontier(options, store, loaded, context);
+  } else if (!options.arc.empty()) {
+    evaluate_arc(options, store, loaded, context);
+  } else if (!options.subsample.empty()) {
+    evaluate_subsample(options, store, loaded, context);
+  } else if (options.off_grid) {
     evaluate_off_grid(options, store, loaded, context);
   } else if (options.held_out) {
     evaluate_held_out(options, store, loaded, context);
@@ -269,12 +409,37 @@ void add_evaluate(CLI::App& program, Context& context) {
       "Examples:\n"
       "  lightstage evaluate head --off-grid --directions 60 --method blend,rbf,linear\n"
       "  lightstage evaluate lion --held-out --every 4\n"
+      "  lightstage evaluate head --off-grid --method all --report report\n"
+      "  lightstage evaluate head --subsample 302,250,200,150,100 --method blend,rbf,linear --report fewer\n"
+      "  lightstage evaluate head --frontier frontier\n"
+      "  lightstage evaluate head --arc arc --method blend,rbf,linear\n"
       "  lightstage evaluate head --accuracy       (calibration and alignment; simulated scans)");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The scan")->required();
   command->add_flag("--held-out", options->held_out, "Leave each light out in turn and predict it from the others");
   command->add_flag("--off-grid", options->off_grid,
                     "Predict directions where no light stands, against the simulator's truth (simulated scans)");
+  command
+      ->add_option(
+          "--subsample", options->subsample,
+          "Off grid with fewer lights, well spread: their numbers, separated by commas; 302,250,200,150,100 as "
+          "published")
+      ->delimiter(',')
+      ->check(CLI::Range(1, 100000));
+  command->add_option(
+      "--frontier", options->frontier,
+      "Time and memory against error, for every method and each of its quality settings: writes "
+      "frontier.json, .csv and .svg into this folder (off grid for simulated scans, else held out, or as "
+      "chosen)");
+  command->add_option(
+      "--arc", options->arc,
+      "How smoothly pictures change as the light moves from one light over the next and as far beyond: writes "
+      "a strip of one row over time for each method and a page into this folder");
+  command->add_option("--from", options->arc_from, "Arc: its start instead, x,y,z or longitude,latitude");
+  command->add_option("--to", options->arc_to, "Arc: its end instead");
+  command->add_option("--steps", options->arc_steps, "Arc: steps from frame to frame")
+      ->capture_default_str()
+      ->check(CLI::Range(2, 100000));
   command->add_flag("--accuracy", options->accuracy,
                     "Errors of calibration and alignment against the simulator's truth (simulated scans)");
   command->add_option("--every", options->every, "Held out: only every n-th light")
@@ -289,7 +454,18 @@ void add_evaluate(CLI::App& program, Context& context) {
   command->add_flag("--linear", options->linear, "Judge linear values instead of display-encoded ones");
   command->add_option("--sheet", options->sheet,
                       "Off grid: write a contact sheet of truth, methods and differences (.png)");
-  add_method_options(*command, options->method, "Methods, separated by commas [all; superres if the scan has a model]");
+  command->add_flag("--hdr-flip", options->hdr_flip, "Also HDR-FLIP, which takes about ten times as long as FLIP");
+  command->add_option(
+      "--metric-model", options->metric_model,
+      "Also a measure of your own: a TorchScript file (a program, which is run) whose forward takes two "
+      "display-encoded pictures [1, 3, height, width] in [0, 1] and returns a number; reported under the file's "
+      "name");
+  command->add_option(
+      "--report", options->report,
+      "Write tables (JSON, CSV, Markdown), plots and a page with the crops in which methods differ most into "
+      "this folder");
+  add_method_options(*command, options->method,
+                     "Methods, separated by commas, or all [all; those that need training if the scan has a model]");
   command->callback([options, &context] { run_evaluate(*options, context); });
 }
 

@@ -1,0 +1,114 @@
+#include "cli/evaluate/scores.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "cli/format.h"
+#include "core/text.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+using model::MethodScore;
+using nlohmann::ordered_json;
+
+constexpr double kMebibyte = 1 << 20;
+
+ordered_json json_of(const std::optional<double>& value) {
+  return value ? ordered_json(*value) : ordered_json(nullptr);
+}
+
+const MethodScore& best(std::span<const MethodScore> scores, const Measure& measure) {
+  return *std::min_element(scores.begin(), scores.end(), [&](const MethodScore& a, const MethodScore& b) {
+    const double first = measure.of(a).value(), second = measure.of(b).value();
+    return measure.more_is_better ? first > second : first < second;
+  });
+}
+
+}  // namespace
+
+std::vector<Measure> measures(std::span<const MethodScore> scores, const std::string& own_metric) {
+  using Value = std::optional<double>;
+  std::vector<Measure> all{
+      {"rmse", "RMSE", false, [](const MethodScore& s) { return Value(s.rmse); }},
+      {"h1", "H1", false, [](const MethodScore& s) { return Value(s.h1); }},
+      {"dssim", "DSSIM", false, [](const MethodScore& s) { return Value(s.dssim); }},
+      {"msssim", "MS-SSIM", true, [](const MethodScore& s) { return Value(s.msssim); }},
+      {"gmsd", "GMSD", false, [](const MethodScore& s) { return Value(s.gmsd); }},
+      {"flip", "FLIP", false, [](const MethodScore& s) { return Value(s.flip); }},
+      {"hdr_flip", "HDR-FLIP", false, [](const MethodScore& s) { return s.hdr_flip; }},
+      {"metric_model", own_metric, false, [](const MethodScore& s) { return s.own_error; }},
+  };
+  std::erase_if(all, [&](const Measure& measure) {
+    return std::any_of(scores.begin(), scores.end(), [&](const MethodScore& s) { return !measure.of(s); });
+  });
+  return all;
+}
+
+ordered_json scores_json(std::span<const MethodScore> scores, const std::string& own_metric) {
+  ordered_json array = ordered_json::array();
+  for (const MethodScore& score : scores) {
+    ordered_json object{{"name", score.name}, {"images", score.images}};
+    for (const Measure& measure : measures(scores, own_metric)) {
+      if (measure.key == "metric_model") {
+        object[measure.key] = {{own_metric, *measure.of(score)}};
+      } else {
+        object[measure.key] = *measure.of(score);
+      }
+    }
+    object["seconds_per_image"] = score.seconds_per_image;
+    object["peak_rss_bytes"] = score.peak_rss_bytes ? ordered_json(*score.peak_rss_bytes) : ordered_json(nullptr);
+    object["by_angle"] = ordered_json::array();
+    for (const model::AngleBin& bin : score.by_angle) {
+      object["by_angle"].push_back({{"from_deg", bin.from_deg},
+                                    {"to_deg", bin.to_deg},
+                                    {"images", bin.images},
+                                    {"rmse", json_of(bin.rmse)},
+                                    {"dssim", json_of(bin.dssim)}});
+    }
+    array.push_back(std::move(object));
+  }
+  return array;
+}
+
+std::vector<std::vector<std::string>> score_rows(std::span<const MethodScore> scores, const std::string& own_metric) {
+  const std::vector<Measure> shown = measures(scores, own_metric);
+  std::vector<std::vector<std::string>> rows{{"method", "images"}};
+  for (const Measure& measure : shown) rows[0].push_back(measure.title);
+  rows[0].insert(rows[0].end(), {"s/image", "peak MiB"});
+  for (const MethodScore& score : scores) {
+    std::vector<std::string>& row = rows.emplace_back();
+    row = {score.name, std::to_string(score.images)};
+    for (const Measure& measure : shown) row.push_back(fixed(*measure.of(score), 4));
+    row.push_back(fixed(score.seconds_per_image, 4));
+    row.push_back(score.peak_rss_bytes ? fixed(double(*score.peak_rss_bytes) / kMebibyte, 0) : "-");
+  }
+  return rows;
+}
+
+std::string best_by_each(std::span<const MethodScore> scores, const std::string& own_metric) {
+  if (scores.size() < 2) return {};
+  struct Win {
+    std::string method;
+    bool more_is_better;
+    std::vector<std::string> titles;
+  };
+  std::vector<Win> wins;
+  for (const Measure& measure : measures(scores, own_metric)) {
+    const std::string winner = best(scores, measure).name;
+    auto win = std::find_if(wins.begin(), wins.end(), [&](const Win& w) {
+      return w.method == winner && w.more_is_better == measure.more_is_better;
+    });
+    if (win == wins.end()) win = wins.insert(wins.end(), {winner, measure.more_is_better, {}});
+    win->titles.push_back(measure.title);
+  }
+  std::vector<std::string> phrases;
+  for (const Win& win : wins) {
+    phrases.push_back((win.more_is_better ? "highest " : "lowest ") + core::joined(win.titles, ", ") + ": " +
+                      win.method);
+  }
+  return core::joined(phrases, "; ");
+}
+
+}  // namespace lightstage::cli
