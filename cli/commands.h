@@ -21,6 +21,7 @@ void add_train(CLI::App& program, Context& context);
 void add_model(CLI::App& program, Context& context);
 void add_superres(CLI::App& program, Context& context);
 void add_relight(CLI::App& program, Context& context);
+void add_normals(CLI::App& program, Context& context);
 void add_sky(CLI::App& program, Context& context);
 void add_methods(CLI::App& program, Context& context);
 void add_evaluate(CLI::App& program, Context& context);

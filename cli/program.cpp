@@ -89,6 +89,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_model(program, context);
   add_superres(program, context);
   add_relight(program, context);
+  add_normals(program, context);
   add_sky(program, context);
   add_methods(program, context);
   add_evaluate(program, context);

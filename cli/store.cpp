@@ -44,7 +44,7 @@ void show(const std::string& name, Context& context) {
                      " by version " + scan.program_version + "\n  " + std::to_string(scan.steps.size()) + " steps, " +
                      std::to_string(store.frames(scan.id).size()) + " frames\n";
   ordered_json products = ordered_json::array();
-  for (const char* kind : {"mask", "alignment", "weights", "picture", "virtual_stage"}) {
+  for (const char* kind : {"mask", "alignment", "weights", "picture", "normals", "virtual_stage"}) {
     for (const db::Product& product : store.products(kind)) {
       const bool about = product.scan_id == scan.id || std::find(product.input_scans.begin(), product.input_scans.end(),
                                                                  scan.id) != product.input_scans.end();

@@ -81,7 +81,7 @@ struct ProductImage {
 };
 
 struct NewProduct {
-  std::string kind;           // "mask", "calibration", "alignment", "weights", "virtual_stage", "picture"
+  std::string kind;           // "mask", "calibration", "alignment", "weights", "virtual_stage", "picture", "normals"
   std::string name;           // may be empty; unique per kind where not empty
   std::optional<Id> scan_id;  // the scan it describes
   std::string stage_key;      // for calibrations: the stage it describes
