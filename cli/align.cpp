@@ -6,6 +6,7 @@
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/align.h"
+#include "cli/options.h"
 
 namespace lightstage::cli {
 
@@ -43,8 +44,7 @@ void add_align(CLI::App& program, Context& context) {
   command->add_option("SCAN", options->name, "The scan")->required();
   const std::map<std::string, align::FlowPreset> presets{
       {"fast", align::FlowPreset::kFast}, {"medium", align::FlowPreset::kMedium}, {"fine", align::FlowPreset::kFine}};
-  command->add_option("--flow", options->job.preset, "fast, medium or fine [fine]")
-      ->transform(CLI::CheckedTransformer(presets));
+  command->add_option("--flow", options->job.preset, "fast, medium or fine [fine]")->transform(one_of(presets));
   command->callback([options, &context] { run_align(*options, context); });
 }
 

@@ -187,7 +187,14 @@ void capture_scan(const Options& options, Context& context) {
       preview->show(camera, frame);
     };
   }
-  const capture::SessionReport report = run_session(store, scan, provenance.sequence, devices.rig(), session);
+  capture::SessionReport report;
+  try {
+    report = run_session(store, scan, provenance.sequence, devices.rig(), session);
+  } catch (const core::Interrupted& interrupted) {
+    throw core::Interrupted(std::string(interrupted.what()) +
+                            "; what was taken is stored: go on with `lightstage capture --resume --name " + scan.name +
+                            "`");
+  }
   if (scan.kind == db::ScanKind::kOlat && !store.newest_product("mask", scan.id)) store_subject_masks(store, scan);
 
   const std::size_t frames = report.already_stored + report.stored;
@@ -270,7 +277,7 @@ void add_capture(CLI::App& program, Context& context) {
   command
       ->add_option("--timing", request.timing,
                    "lockstep, pipelined or free_run, instead of the sequence file's (docs/hardware.md)")
-      ->transform(CLI::CheckedTransformer(timings).description(""));
+      ->transform(one_of(timings));
   command
       ->add_option("--settle", request.settle_ms,
                    "From switching lights to the exposure, milliseconds [2, or the sequence file's]")

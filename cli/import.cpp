@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
+#include "cli/options.h"
 #include "db/importers.h"
 
 namespace lightstage::cli {
@@ -83,7 +84,7 @@ void add_import(CLI::App& program, Context& context) {
     reader
         ->add_option("--encoding", options->encoding,
                      "linear or srgb: what the files' numbers are [what is usual for the format]")
-        ->transform(CLI::CheckedTransformer(encodings));
+        ->transform(one_of(encodings));
     reader->callback([&format, options, &context] { run_import(format, *options, context); });
   }
 }

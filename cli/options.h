@@ -2,6 +2,8 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <map>
+#include <string>
 
 #include <nlohmann/json.hpp>
 
@@ -20,6 +22,12 @@ inline CLI::Validator number_between(double lowest, double highest) {
     return "'" + text + "' is not a number from " + range;
   });
   return validator;
+}
+
+// One of these names; CLI11 would show their numbers in the help, the option's own text names them.
+template <typename Value>
+CLI::Validator one_of(const std::map<std::string, Value>& names) {
+  return CLI::CheckedTransformer(names).description("");
 }
 
 // core::parse_direction of an option's value: what is wrong with it is the command line's fault.

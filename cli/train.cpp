@@ -164,18 +164,18 @@ void add_train(CLI::App& program, Context& context) {
               "Neighbours of a captured light in training: random ones of the nearest 16 [superres]; naive, the "
               "nearest; or thinned, the nearest of a stage with fewer lights, among which it stands as queries "
               "do [blend]")
-          ->transform(CLI::CheckedTransformer(active_sets));
+          ->transform(one_of(active_sets));
   const std::map<std::string, model::Pooling> poolings{{"alias_free", model::Pooling::kAliasFree},
                                                        {"average", model::Pooling::kAverage}};
   CLI::Option* pooling =
       command
           ->add_option("--pooling", options->pooling, "Of superres: alias_free, or average, which jumps [alias_free]")
-          ->transform(CLI::CheckedTransformer(poolings));
+          ->transform(one_of(poolings));
   const std::map<std::string, bool> on_off{{"on", true}, {"off", false}};
   command
       ->add_option("--progressive", options->train.progressive,
                    "on or off: train coarse pictures first [on for small and paper; blend cannot]")
-      ->transform(CLI::CheckedTransformer(on_off));
+      ->transform(one_of(on_off));
   command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
   command->add_option("--steps", options->train.steps, "At most so many steps, instead of --minutes or besides them")
       ->check(CLI::Range(std::int64_t(1), std::int64_t(1) << 40));

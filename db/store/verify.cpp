@@ -89,8 +89,12 @@ class Verification {
         if (present.size() == scan.steps.size()) continue;
         const auto first = std::find_if(scan.steps.begin(), scan.steps.end(),
                                         [&](const Step& step) { return !present.contains(step.step_index); });
+        const std::string remedy =
+            scan.kind == ScanKind::kImported || scan.kind == ScanKind::kVirtual
+                ? ""
+                : "; an interrupted pass goes on with `lightstage capture --resume --name " + scan.name + "`";
         report_.errors.push_back(step_text(scan, *first, camera) + ": the frame is missing, the first of " +
-                                 std::to_string(scan.steps.size() - present.size()) + " that are");
+                                 std::to_string(scan.steps.size() - present.size()) + " that are" + remedy);
       }
     }
   }

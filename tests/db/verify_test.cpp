@@ -138,7 +138,9 @@ TEST_CASE_METHOD(Fixture, "missing frames are an error, orphans and stray files 
   db::VerifyReport report = store.verify();
   REQUIRE(report.errors.size() == 1);
   CHECK(report.errors[0] ==
-        "scan 'half', step 0 (light 0), camera 'main': the frame is missing, the first of 3 that are");
+        "scan 'half', step 0 (light 0), camera 'main': the frame is missing, the first of 3 that are; an interrupted "
+        "pass goes on with "
+        "`lightstage capture --resume --name half`");
   REQUIRE(report.notes.size() == 2);
   CHECK_THAT(report.notes[0], Contains("1 object belongs to no frame or product"));
   CHECK_THAT(report.notes[1], Contains("incoming-1-2.exr"));
