@@ -7,17 +7,21 @@
 #include "core/sphere.h"
 #include "model/alias_free_weights.h"
 #include "model/classical/barycentric_weights.h"
-#include "model/classical/thin_plate.h"
+#include "model/classical/bspline_weights.h"
+#include "model/classical/radial_basis.h"
 #include "model/classical/weighted_images.h"
 
 namespace lightstage::model {
 
 namespace {
 
-class Rbf : public WeightedImages {
+// Methods that need every image for every query, and whose weights for many lights at once come cheaper than one by one.
+template <class SummableWeights>
+class GlobalWeights : public WeightedImages {
  public:
-  Rbf(const core::OlatScan& scan, Domain domain, std::shared_ptr<const ThinPlateWeights> weights)
-      : WeightedImages("rbf", scan, domain, [weights](const core::Direction& query) { return (*weights)(query); }),
+  GlobalWeights(const std::string& name, const core::OlatScan& scan, Domain domain,
+                const std::shared_ptr<const SummableWeights>& weights)
+      : WeightedImages(name, scan, domain, [weights](const core::Direction& query) { return (*weights)(query); }),
         domain_(domain),
         weights_(weights) {
     prepare();
@@ -28,7 +32,7 @@ class Rbf : public WeightedImages {
 
  private:
   Domain domain_;
-  std::shared_ptr<const ThinPlateWeights> weights_;
+  std::shared_ptr<const SummableWeights> weights_;
 };
 
 }  // namespace
@@ -61,8 +65,14 @@ std::unique_ptr<LightInterpolator> make_barycentric(const core::OlatScan& scan, 
   return std::make_unique<WeightedImages>("barycentric", scan, domain, BarycentricWeights(scan.directions()));
 }
 
-std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain) {
-  return std::make_unique<Rbf>(scan, domain, std::make_shared<const ThinPlateWeights>(scan.directions()));
+std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain, const RadialBasis& basis) {
+  return std::make_unique<GlobalWeights<RadialBasisWeights>>(
+      "rbf", scan, domain, std::make_shared<const RadialBasisWeights>(scan.directions(), basis));
+}
+
+std::unique_ptr<LightInterpolator> make_bspline(const core::OlatScan& scan, Domain domain) {
+  return std::make_unique<GlobalWeights<BSplineWeights>>("bspline", scan, domain,
+                                                         std::make_shared<const BSplineWeights>(scan.directions()));
 }
 
 }  // namespace lightstage::model

@@ -21,12 +21,16 @@ std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan,
 // triangles' edges. A query costs three images.
 std::unique_ptr<LightInterpolator> make_barycentric(const core::OlatScan& scan, Domain domain);
 
-// Per-pixel interpolation over the lights' xyz by the thin-plate kernel r^2 log r with a linear polynomial: exact at the captured lights,
-// and since the system is the same for all pixels, one signed weight vector over the lights per query, which sums to 1 (the system is
+// Per-pixel interpolation over the lights' xyz by a radial kernel, thin-plate or linear, with a linear polynomial: exact at the captured lights unless
+// smoothed, and since the system is the same for all pixels, one signed weight vector over the lights per query, which sums to 1 (the system is
 // inverted once, in float64). Lights in the same place share their weight; fewer than four lights, or lights in one plane, reduce the
 // polynomial. A query costs all n images: about 0.4 ns a value and image where memory serves 10 GB/s. kDisplay makes encoded copies of all
-// images first and keeps them where they take at most 4 GB. Throws UsageError for more than 8000 lights.
+// images first and keeps them where they take at most 4 GB. Throws UsageError for more than 8000 lights or a smoothing below 0.
 // Masselus et al. 2004, "Smooth reconstruction and compact representation of reflectance functions for image-based relighting".
-std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain);
+std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain, const RadialBasis& basis = {});
+
+// Per-pixel interpolation by multilevel B-splines (model/classical/bspline_weights.h), exact at the captured lights and with two continuous derivatives: one signed
+// weight vector per query, which sums to 1. Costs and display-encoded copies as of rbf. Lee et al. 1997; Masselus et al. 2004, as above.
+std::unique_ptr<LightInterpolator> make_bspline(const core::OlatScan& scan, Domain domain);
 
 }  // namespace lightstage::model

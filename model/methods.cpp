@@ -84,8 +84,26 @@ const std::vector<Entry>& entries() {
                 "every pixel interpolated over the lights by radial basis functions; the strongest without training",
             .citation = "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance "
                         "functions for image-based relighting",
-            .knobs = {domain_knob()}},
-       .make = [](const core::OlatScan& scan, const MethodOptions& options) { return make_rbf(scan, options.domain); }},
+            .knobs =
+                {choice_knob<RadialKernel>("--kernel", "the function of the distance, smoother or ringing less",
+                                           [](MethodOptions& options) -> RadialKernel& { return options.rbf.kernel; },
+                                           {"thin_plate", "linear"}),
+                 number_knob(
+                     "--smoothing",
+                     "how far noise is averaged out over the lights; 0 is exact at the captured lights, 1e-4 little",
+                     [](MethodOptions& options) -> double& { return options.rbf.smoothing; }, 0, 1e6),
+                 domain_knob()}},
+       .make = [](const core::OlatScan& scan,
+                  const MethodOptions& options) { return make_rbf(scan, options.domain, options.rbf); }},
+
+      {.info = {.name = "bspline",
+                .summary = "every pixel interpolated over the lights by multilevel B-splines, coarse to fine; smooth, "
+                           "never rings far",
+                .citation = "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance "
+                            "functions for image-based relighting",
+                .knobs = {domain_knob()}},
+       .make = [](const core::OlatScan& scan,
+                  const MethodOptions& options) { return make_bspline(scan, options.domain); }},
 
       {.info = {.name = "blend",
                 .summary = "a network that corrects rbf by choosing among captured pixels; sharp shadows, and no "
@@ -97,18 +115,20 @@ const std::vector<Entry>& entries() {
       {.info = {.name = "superres",
                 .summary = "the published network, trained by `lightstage train`; draws the picture anew",
                 .citation = "Sun et al. 2020, Light Stage Super-Resolution",
-                .knobs =
-                    {model_knob(""),
-                     flag_knob("--bf16", "multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01",
-                               [](MethodOptions& options) -> bool& { return options.network.bfloat16; }),
-                     flag_knob("--half-cache",
-                               "keep what the network makes of captured images in 16 bits, so that twice as much fits",
-                               [](MethodOptions& options) -> bool& { return options.network.half_storage; }),
-                     megabytes_knob("--cache-mb", "memory for captured images and what the network makes of each, MiB",
-                                    [](MethodOptions& options) -> std::size_t& { return options.network.cache_bytes; }),
-                     megabytes_knob(
-                         "--spill-mb", "temporary file for encoded images that do not fit there, MiB",
-                         [](MethodOptions& options) -> std::size_t& { return options.network.spill_bytes; })}},
+                .knobs = {model_knob(""),
+                          flag_knob("--bf16", "multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01",
+                                    [](MethodOptions& options) -> bool& { return options.network.bfloat16; }),
+                          flag_knob(
+                              "--half-cache",
+                              "keep what the network makes of captured images in 16 bits, so that twice as much fits",
+                              [](MethodOptions& options) -> bool& { return options.network.half_storage; }),
+                          megabytes_knob(
+                              "--cache-mb", "memory for captured images and what the network makes of each, MiB",
+                              [](MethodOptions& options) -> std::size_t& { return options.network.cache_bytes; }),
+                          megabytes_knob("--spill-mb", "temporary file for encoded images that do not fit there, MiB",
+                                         [](MethodOptions& options) -> std::size_t& {
+                                           return options.network.spill_bytes;
+                                         })}},
        .make = make_network<Architecture::kSuperres>},
   };
   return all;

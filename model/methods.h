@@ -18,6 +18,14 @@ namespace lightstage::model {
 // published metrics judge, since an error in the dark counts for more).
 enum class Domain { kLinear, kDisplay };
 
+// The function of the distance that rbf sums: r^2 log r, the smoother, or r itself, which rings less.
+enum class RadialKernel { kThinPlate, kLinear };
+
+struct RadialBasis {
+  RadialKernel kernel = RadialKernel::kThinPlate;
+  double smoothing = 0;  // 0: exact at the captured lights; model/classical/radial_basis.h gives the unit
+};
+
 struct MethodOptions;
 
 // What a user may choose of a method; command lines and listings are made from it.
@@ -39,17 +47,18 @@ struct MethodInfo {
   std::vector<Knob> knobs;
 };
 
-// nearest, linear, barycentric, rbf, blend, superres; in this order.
+// nearest, linear, barycentric, rbf, bspline, blend, superres; in this order.
 const std::vector<MethodInfo>& methods();
 
 // Throws UsageError for a name that does not exist (with the nearest one, and all).
 const MethodInfo& method_info(std::string_view name);
 
 struct MethodOptions {
-  Domain domain =
-      Domain::kDisplay;  // of linear, barycentric and rbf; nearest is the same in both, networks work display-encoded
-  int neighbours = 8;    // k of linear; networks take theirs from the checkpoint
-  std::optional<double> sharpness;   // s of linear; default_sharpness of the scan's spacing otherwise
+  Domain domain = Domain::
+      kDisplay;  // of linear, barycentric, rbf and bspline; nearest is the same in both, networks work display-encoded
+  int neighbours = 8;               // k of linear; networks take theirs from the checkpoint
+  std::optional<double> sharpness;  // s of linear; default_sharpness of the scan's spacing otherwise
+  RadialBasis rbf;
   NetworkOptions network;            // of superres
   std::filesystem::path model_file;  // checkpoint for blend and superres
 };

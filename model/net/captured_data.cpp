@@ -4,7 +4,7 @@
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "core/sphere.h"
-#include "model/classical/thin_plate.h"
+#include "model/classical/radial_basis.h"
 #include "model/net/draws.h"
 #include "model/net/network.h"
 #include "model/net/scan_tensors.h"
@@ -105,7 +105,7 @@ void CapturedScan::interpolate_guides(core::Progress& progress) {
     used.resize(std::min(used.size(), kGuideLights));
     std::vector<core::Direction> directions;
     for (const std::size_t index : used) directions.push_back(directions_[index]);
-    const std::vector<double> w = ThinPlateWeights(directions)(directions_[std::size_t(light)]);
+    const std::vector<double> w = RadialBasisWeights(directions)(directions_[std::size_t(light)]);
     float* const row = weights.data_ptr<float>() + light * lights;
     for (std::size_t i = 0; i < used.size(); ++i) row[used[i]] = float(w[i]);
     progress.advance();
@@ -156,7 +156,7 @@ Example CapturedScan::thinned_example(std::size_t light, std::size_t count, std:
   const std::vector<std::size_t> stage = thinned_lights(light, count, random);
   std::vector<core::Direction> directions;
   for (const std::size_t index : stage) directions.push_back(directions_[index]);
-  const std::vector<double> w = ThinPlateWeights(directions)(directions_[light]);
+  const std::vector<double> w = RadialBasisWeights(directions)(directions_[light]);
   const Tensor weights = torch::tensor(w, torch::kFloat64).to(torch::kFloat32).view({-1, 1, 1, 1});
   const Tensor seen = pictures(tensors_->displays(), stage, window);
 

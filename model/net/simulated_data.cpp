@@ -4,7 +4,7 @@
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/sphere.h"
-#include "model/classical/thin_plate.h"
+#include "model/classical/radial_basis.h"
 #include "model/net/draws.h"
 #include "model/net/scan_tensors.h"
 #include "model/net/training_data.h"
@@ -27,7 +27,7 @@ class View {
         spacing_(core::median_spacing_radians(view.scan.directions())),
         tensors_(view.scan, multiple) {
     const std::vector<core::Direction>& lights = view.scan.directions();
-    const ThinPlateWeights interpolation(lights);
+    const RadialBasisWeights interpolation(lights);
     Tensor weights = torch::empty({std::int64_t(queries_.size()), std::int64_t(lights.size())});
     for (std::size_t i = 0; i < queries_.size(); ++i) {
       const std::vector<double> row = interpolation(queries_[i]);

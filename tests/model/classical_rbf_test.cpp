@@ -18,8 +18,10 @@ namespace {
 using core::Direction;
 using core::Vec3;
 
-std::unique_ptr<model::LightInterpolator> rbf_over(const std::vector<Direction>& lights) {
-  return model::make_rbf(test::scan_of(lights, {1, 1, 1}, [](auto&&...) { return 1.0; }), model::Domain::kLinear);
+std::unique_ptr<model::LightInterpolator> rbf_over(const std::vector<Direction>& lights,
+                                                   const model::RadialBasis& basis = {}) {
+  return model::make_rbf(test::scan_of(lights, {1, 1, 1}, [](auto&&...) { return 1.0; }), model::Domain::kLinear,
+                         basis);
 }
 
 double sum_of(const std::vector<double>& values) {
@@ -28,17 +30,26 @@ double sum_of(const std::vector<double>& values) {
   return double(sum);
 }
 
+double value_of(const std::vector<double>& weights, const std::vector<double>& values) {
+  double sum = 0;
+  for (std::size_t i = 0; i < values.size(); ++i) sum += weights[i] * values[i];
+  return sum;
+}
+
 // Interpolates in the plain way: solves for the coefficients of the interpolant by elimination in long
 // double, then evaluates it.
-class PlainThinPlate {
+class PlainRadialBasis {
  public:
-  PlainThinPlate(const std::vector<Direction>& lights, const std::vector<double>& values) : lights_(lights) {
+  PlainRadialBasis(const std::vector<Direction>& lights, const std::vector<double>& values,
+                   model::RadialKernel kernel = model::RadialKernel::kThinPlate, double ridge = 0)
+      : lights_(lights), kernel_(kernel) {
     const std::size_t n = lights.size();
     std::vector<std::vector<long double>> m(n + 4, std::vector<long double>(n + 5, 0));
     for (std::size_t i = 0; i < n; ++i) {
       const std::vector<long double> row = terms(lights[i]);
       for (std::size_t j = 0; j < n + 4; ++j) m[i][j] = row[j];
       for (std::size_t j = n; j < n + 4; ++j) m[j][i] = row[j];
+      m[i][i] += ridge;
       m[i][n + 4] = values[i];
     }
     for (std::size_t k = 0; k < n + 4; ++k) {
@@ -67,17 +78,19 @@ class PlainThinPlate {
     std::vector<long double> row;
     for (const Direction& light : lights_) {
       const long double r = core::norm(q.vec() - light.vec());
-      row.push_back(r > 0 ? r * r * std::log(r) : 0);
+      row.push_back(r > 0 ? (kernel_ == model::RadialKernel::kLinear ? -r : r * r * std::log(r)) : 0);
     }
     for (const double t : {1.0, q.x(), q.y(), q.z()}) row.push_back(t);
     return row;
   }
   std::vector<Direction> lights_;
+  model::RadialKernel kernel_;
   std::vector<long double> coefficients_;
 };
 
-void require_one_hot_at_lights(const std::vector<Direction>& lights) {
-  const auto rbf = rbf_over(lights);
+void require_one_hot_at_lights(const std::vector<Direction>& lights,
+                               model::RadialKernel kernel = model::RadialKernel::kThinPlate) {
+  const auto rbf = rbf_over(lights, {kernel, 0});
   double worst = 0;
   for (std::size_t i = 0; i < lights.size(); ++i) {
     // A hair beside the light, where the general path is taken, and on it.
@@ -94,6 +107,7 @@ void require_one_hot_at_lights(const std::vector<Direction>& lights) {
 
 TEST_CASE("rbf weights are 1 at a light and 0 elsewhere, on stages of every size") {
   for (const std::size_t n : {5u, 12u, 96u, 331u}) require_one_hot_at_lights(core::fibonacci_directions(n));
+  require_one_hot_at_lights(core::fibonacci_directions(96), model::RadialKernel::kLinear);
 }
 
 TEST_CASE("rbf weights are 1 at a light and 0 elsewhere on a real stage") {
@@ -108,7 +122,7 @@ TEST_CASE("rbf weights give what solving for the coefficients gives") {
   const std::vector<Direction> lights = core::random_directions(40, 3);
   std::vector<double> values;
   for (std::size_t i = 0; i < lights.size(); ++i) values.push_back(std::sin(double(7 * i)));
-  const PlainThinPlate plain(lights, values);
+  const PlainRadialBasis plain(lights, values);
   const auto rbf = rbf_over(lights);
   for (const Direction& query : core::random_directions(50, 4)) {
     const std::vector<double> weights = rbf->linear_weights(query);
@@ -234,6 +248,152 @@ TEST_CASE("the rbf weights of lights a thousandth of a degree over the merging d
 
 TEST_CASE("rbf refuses more lights than a dense system can hold") {
   CHECK_THROWS_AS(rbf_over(core::fibonacci_directions(8001)), core::UsageError);
+}
+
+TEST_CASE("the linear kernel gives what solving for the coefficients gives, and sums to 1") {
+  const std::vector<Direction> lights = core::random_directions(40, 3);
+  std::vector<double> values;
+  for (std::size_t i = 0; i < lights.size(); ++i) values.push_back(std::sin(double(7 * i)));
+  const PlainRadialBasis plain(lights, values, model::RadialKernel::kLinear);
+  const auto rbf = rbf_over(lights, {model::RadialKernel::kLinear, 0});
+  const auto thin_plate = rbf_over(lights);
+  double apart = 0;
+  for (const Direction& query : core::random_directions(50, 4)) {
+    const std::vector<double> weights = rbf->linear_weights(query);
+    CHECK(value_of(weights, values) == Approx(plain.at(query)).margin(1e-9));
+    CHECK(sum_of(weights) == Approx(1).margin(1e-9));
+    apart = std::max(apart, std::abs(value_of(weights, values) - value_of(thin_plate->linear_weights(query), values)));
+  }
+  CHECK(apart > 1e-3);
+}
+
+TEST_CASE(
+    "smoothing adds its part of the kernel's trace to the diagonal, and lights in one place count as often as they "
+    "are") {
+  for (const auto kernel : {model::RadialKernel::kThinPlate, model::RadialKernel::kLinear}) {
+    const std::vector<Direction> lights = core::random_directions(30, 3);
+    std::vector<double> values;
+    for (std::size_t i = 0; i < lights.size(); ++i) values.push_back(std::sin(double(7 * i)));
+    // The trace on what is perpendicular to 1, x, y and z, one unit vector at a time.
+    const std::size_t n = lights.size();
+    std::vector<std::vector<double>> polynomial;
+    const auto without_polynomial = [&](std::vector<double> v) {
+      for (int twice = 0; twice < 2; ++twice)
+        for (const auto& p : polynomial) {
+          const double along = value_of(v, p);
+          for (std::size_t i = 0; i < n; ++i) v[i] -= along * p[i];
+        }
+      return v;
+    };
+    for (int term = 0; term < 4; ++term) {
+      std::vector<double> p;
+      for (const Direction& light : lights)
+        p.push_back(term == 0 ? 1 : term == 1 ? light.x() : term == 2 ? light.y() : light.z());
+      p = without_polynomial(p);
+      const double length = std::sqrt(value_of(p, p));
+      for (double& v : p) v /= length;
+      polynomial.push_back(p);
+    }
+    double trace = 0;
+    for (std::size_t k = 0; k < n; ++k) {
+      std::vector<double> v(n, 0.0);
+      v[k] = 1;
+      v = without_polynomial(v);
+      for (std::size_t i = 0; i < n; ++i)
+        for (std::size_t j = 0; j < n; ++j) {
+          const double r = core::norm(lights[i].vec() - lights[j].vec());
+          if (i != j) trace += v[i] * v[j] * (kernel == model::RadialKernel::kLinear ? -r : r * r * std::log(r));
+        }
+    }
+    REQUIRE(trace > 0);
+    for (const double smoothing : {1e-4, 0.1}) {
+      const PlainRadialBasis plain(lights, values, kernel, smoothing * trace);
+      const auto rbf = rbf_over(lights, {kernel, smoothing});
+      for (const Direction& query : core::random_directions(20, 4))
+        CHECK(value_of(rbf->linear_weights(query), values) == Approx(plain.at(query)).margin(1e-8));
+    }
+    // Every light twice: the trace, of distinct places, is the same, and each place counts twice.
+    std::vector<Direction> twice = lights;
+    twice.insert(twice.end(), lights.begin(), lights.end());
+    const auto doubled = rbf_over(twice, {kernel, 0.2}), single = rbf_over(lights, {kernel, 0.1});
+    for (const Direction& query : core::random_directions(10, 5)) {
+      const auto a = doubled->linear_weights(query), b = single->linear_weights(query);
+      for (std::size_t i = 0; i < n; ++i) CHECK(a[i] + a[i + n] == Approx(b[i]).margin(1e-10));
+    }
+  }
+}
+
+TEST_CASE("much smoothing leaves the least-squares plane, and more of it less of the noise") {
+  const std::vector<Direction> lights = core::fibonacci_directions(80);
+  // A plane, and something perpendicular to it in the sense of least squares.
+  const auto plane = [](const Direction& d) { return 1 + 2 * d.x() - d.y() + 0.5 * d.z(); };
+  std::vector<double> values, rest;
+  for (std::size_t i = 0; i < lights.size(); ++i) rest.push_back(std::sin(double(11 * i)));
+  const auto fitted = rbf_over(lights, {model::RadialKernel::kThinPlate, 1e6});
+  std::vector<double> fit;
+  for (const Direction& light : lights) fit.push_back(value_of(fitted->linear_weights(light), rest));
+  std::array<double, 4> moments{}, left{};
+  for (std::size_t i = 0; i < lights.size(); ++i) {
+    const std::array<double, 4> terms{1, lights[i].x(), lights[i].y(), lights[i].z()};
+    for (std::size_t t = 0; t < 4; ++t) {
+      moments[t] += rest[i] * terms[t];
+      left[t] += (rest[i] - fit[i]) * terms[t];
+    }
+    values.push_back(plane(lights[i]) + rest[i] - fit[i]);
+  }
+  for (std::size_t t = 0; t < 4; ++t) CHECK(std::abs(left[t]) < 1e-4 * (1 + std::abs(moments[t])));  // normal equations
+  for (const auto kernel : {model::RadialKernel::kThinPlate, model::RadialKernel::kLinear}) {
+    const auto rbf = rbf_over(lights, {kernel, 1e6});
+    for (const Direction& query : core::random_directions(50, 6))
+      CHECK(value_of(rbf->linear_weights(query), values) == Approx(plane(query)).margin(1e-4));
+  }
+  double last = INFINITY;
+  for (const double smoothing : {0.0, 1e-5, 1e-3, 1e-1}) {
+    const auto rbf = rbf_over(lights, {model::RadialKernel::kThinPlate, smoothing});
+    double noise = 0;  // the variance of the picture under pixel noise of variance 1
+    for (const Direction& query : core::random_directions(100, 7)) {
+      const auto weights = rbf->linear_weights(query);
+      noise += value_of(weights, weights);
+    }
+    CHECK(noise < last);
+    last = noise;
+  }
+}
+
+TEST_CASE("a smoothing does the same to a smooth function whatever the number of lights") {
+  const auto f = [](const Direction& d) { return d.x() * d.x() - d.y() * d.z(); };
+  std::vector<double> kept;
+  for (const std::size_t n : {100u, 200u, 400u}) {
+    const std::vector<Direction> lights = core::fibonacci_directions(n);
+    std::vector<double> values;
+    for (const Direction& light : lights) values.push_back(f(light));
+    const auto rbf = rbf_over(lights, {model::RadialKernel::kThinPlate, 0.05});
+    double along = 0, whole = 0;
+    for (const Direction& query : core::random_directions(200, 7)) {
+      along += value_of(rbf->linear_weights(query), values) * f(query);
+      whole += f(query) * f(query);
+    }
+    kept.push_back(along / whole);
+  }
+  CHECK(kept[0] < 0.95);
+  CHECK(kept[1] == Approx(kept[0]).epsilon(0.03));
+  CHECK(kept[2] == Approx(kept[0]).epsilon(0.03));
+}
+
+TEST_CASE("few and coplanar lights can be smoothed, and a smoothing that is no number is refused") {
+  std::vector<Direction> ring;
+  for (int i = 0; i < 24; ++i) ring.push_back(Direction::from_longitude_latitude_degrees(15.0 * i, 40));
+  std::vector<std::vector<Direction>> layouts{ring, std::vector<Direction>(5)};
+  for (const std::size_t n : {1u, 2u, 3u, 4u, 5u}) layouts.push_back(core::random_directions(n, n));
+  for (const auto& lights : layouts)
+    for (const auto kernel : {model::RadialKernel::kThinPlate, model::RadialKernel::kLinear})
+      for (const double smoothing : {1e-9, 1.0, 1e6}) {
+        const auto rbf = rbf_over(lights, {kernel, smoothing});
+        for (const Direction& query : core::random_directions(20, 11))
+          CHECK(sum_of(rbf->linear_weights(query)) == Approx(1).margin(1e-6));
+      }
+  for (const double bad : {-1.0, double(NAN), double(INFINITY)})
+    CHECK_THROWS_AS(rbf_over(ring, {model::RadialKernel::kThinPlate, bad}), core::UsageError);
 }
 
 }  // namespace lightstage

@@ -200,7 +200,7 @@ TEST_CASE(
 
 TEST_CASE("methods with linear weights render exactly the sum that their weights say") {
   const core::OlatScan scan = test::scan_of(core::fibonacci_directions(60), {17, 19, 3}, rough());
-  for (const char* name : {"nearest", "linear", "barycentric", "rbf"}) {
+  for (const char* name : {"nearest", "linear", "barycentric", "rbf", "bspline"}) {
     model::MethodOptions options;
     options.domain = Domain::kLinear;
     const auto method = model::make_interpolator(name, scan, options);
@@ -269,7 +269,7 @@ TEST_CASE("every method gives back the captured pictures, whatever their values"
   };
   const core::OlatScan scan = test::scan_of(lights, {4, 5, 3}, value);
   for (const Domain domain : {Domain::kLinear, Domain::kDisplay})
-    for (const char* name : {"nearest", "linear", "barycentric", "rbf"}) {
+    for (const char* name : {"nearest", "linear", "barycentric", "rbf", "bspline"}) {
       model::MethodOptions options;
       options.domain = domain;
       options.sharpness = 1e6;
@@ -316,7 +316,7 @@ TEST_CASE("a misspelt method is answered with the nearest name, superres without
     CHECK_FALSE(info.summary.empty());
     CHECK_FALSE(info.citation.empty());
   }
-  CHECK(names == std::vector<std::string>{"nearest", "linear", "barycentric", "rbf", "blend", "superres"});
+  CHECK(names == std::vector<std::string>{"nearest", "linear", "barycentric", "rbf", "bspline", "blend", "superres"});
   CHECK_THROWS_AS(model::make_interpolator("superes", scan), core::UsageError);
   CHECK_THROWS_WITH(model::make_interpolator("superes", scan), Catch::Contains("did you mean 'superres'?"));
   CHECK_THROWS_WITH(model::make_interpolator("superres", scan), Catch::Contains("model file"));

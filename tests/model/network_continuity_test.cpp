@@ -11,7 +11,7 @@
 #include <numbers>
 
 #include "core/sphere.h"
-#include "model/classical/thin_plate.h"
+#include "model/classical/radial_basis.h"
 #include "model/net/network.h"
 #include "model/net/superres_network.h"
 #include "model/net/training_loss.h"
@@ -47,7 +47,7 @@ struct Stage {
   std::vector<Direction> lights;
   double spacing;
   Tensor pictures;  // [lights, 3, 16, 16]
-  model::ThinPlateWeights interpolation;
+  model::RadialBasisWeights interpolation;
 
   explicit Stage(std::size_t count)
       : lights(core::fibonacci_directions(count)),

@@ -1,12 +1,12 @@
-#include "model/classical/thin_plate.h"
+#include "model/classical/radial_basis.h"
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <opencv2/core.hpp>
 #include <string>
 
 #include "core/error.h"
+#include "core/text.h"
 #include "model/classical/ordered_sum.h"
 
 namespace lightstage::model {
@@ -14,65 +14,59 @@ namespace lightstage::model {
 namespace {
 
 constexpr std::size_t kMaxLights = 8000;
-constexpr double kFlat = 1e-2;  // spread relative to the widest axis
 
 double squared_distance(core::Vec3 a, core::Vec3 b) {
   const core::Vec3 d = a - b;
   return core::dot(d, d);
 }
 
-// r^2 log r from r^2; its limit at 0 is 0.
-double kernel(double r2) {
-  return r2 > 0 ? 0.5 * r2 * std::log(r2) : 0.0;
+// The trace of a kernel matrix with a zero diagonal on the vectors perpendicular to the columns of `polynomial`.
+double trace_beside(const cv::Mat& kernel, const cv::Mat& polynomial) {
+  const cv::SVD columns(polynomial);
+  return -cv::trace(columns.u.t() * kernel * columns.u)[0];
 }
 
 }  // namespace
 
-ThinPlateWeights::ThinPlateWeights(std::span<const core::Direction> lights) : lights_(lights) {
+RadialBasisWeights::RadialBasisWeights(std::span<const core::Direction> lights, const RadialBasis& basis)
+    : basis_(basis), lights_(lights), polynomial_(lights_.points()) {
   if (lights.size() > kMaxLights)
     throw core::UsageError("rbf solves one dense system over all lights and takes at most " +
                            std::to_string(kMaxLights) + " of them, not " + std::to_string(lights.size()) +
                            "; use linear, or fewer lights");
-  choose_polynomial();
+  if (!(basis.smoothing >= 0 && std::isfinite(basis.smoothing)))
+    throw core::UsageError("the smoothing of rbf is a number from 0, not " + core::number_text(basis.smoothing));
   invert();
 }
 
-void ThinPlateWeights::choose_polynomial() {
-  const int n = static_cast<int>(lights_.points().size());
-  centre_ = std::accumulate(lights_.points().begin(), lights_.points().end(), core::Vec3{}) / double(n);
-  cv::Mat spread(n, 3, CV_64F);
-  for (int i = 0; i < n; ++i) {
-    const core::Vec3 d = lights_.points()[std::size_t(i)] - centre_;
-    spread.at<double>(i, 0) = d.x;
-    spread.at<double>(i, 1) = d.y;
-    spread.at<double>(i, 2) = d.z;
-  }
-  const cv::SVD principal(spread);
-  const double widest = principal.w.at<double>(0);
-  for (int k = 0; k < principal.w.rows; ++k) {
-    if (!(principal.w.at<double>(k) > kFlat * widest)) break;
-    const double* axis = principal.vt.ptr<double>(k);
-    axes_.push_back({axis[0], axis[1], axis[2]});
-  }
+// From r^2; the limit at 0 is 0.
+double RadialBasisWeights::kernel(double r2) const {
+  if (basis_.kernel == RadialKernel::kLinear) return -std::sqrt(r2);
+  return r2 > 0 ? 0.5 * r2 * std::log(r2) : 0.0;
 }
 
-std::vector<double> ThinPlateWeights::right_side(core::Vec3 query) const {
+std::vector<double> RadialBasisWeights::right_side(core::Vec3 query) const {
   std::vector<double> b;
-  b.reserve(lights_.points().size() + 1 + axes_.size());
+  b.reserve(lights_.points().size() + polynomial_.count());
   for (const core::Vec3 point : lights_.points()) b.push_back(kernel(squared_distance(query, point)));
-  b.push_back(1);
-  for (const core::Vec3 axis : axes_) b.push_back(core::dot(axis, query - centre_));
+  for (const double term : polynomial_.at(query)) b.push_back(term);
   return b;
 }
 
-void ThinPlateWeights::invert() {
+void RadialBasisWeights::invert() {
   const int n = static_cast<int>(lights_.points().size());
-  const int size = n + 1 + static_cast<int>(axes_.size());
+  const int size = n + static_cast<int>(polynomial_.count());
   cv::Mat system = cv::Mat::zeros(size, size, CV_64F);
   for (int i = 0; i < n; ++i) {
     const std::vector<double> row = right_side(lights_.points()[std::size_t(i)]);
     for (int j = 0; j < size; ++j) system.at<double>(i, j) = row[std::size_t(j)];
     for (int j = n; j < size; ++j) system.at<double>(j, i) = row[std::size_t(j)];
+  }
+  if (basis_.smoothing > 0) {
+    const cv::Range points(0, n);
+    const double ridge =
+        basis_.smoothing * std::max(0.0, trace_beside(system(points, points), system(points, cv::Range(n, size))));
+    for (int i = 0; i < n; ++i) system.at<double>(i, i) += ridge / double(lights_.lights_at(std::size_t(i)));
   }
   cv::Mat inverse;
   // The pseudo-inverse serves where elimination meets a pivot lost in rounding.
@@ -83,7 +77,7 @@ void ThinPlateWeights::invert() {
 }
 
 template <class Value>
-std::vector<Value> ThinPlateWeights::solve(const std::vector<Value>& b) const {
+std::vector<Value> RadialBasisWeights::solve(const std::vector<Value>& b) const {
   // Column by column, which the compiler can put into vector registers, as a sum along rows it may not.
   std::vector<Value> at_points(lights_.points().size());
   const double* column = inverse_.data();
@@ -92,13 +86,14 @@ std::vector<Value> ThinPlateWeights::solve(const std::vector<Value>& b) const {
   return at_points;
 }
 
-std::vector<double> ThinPlateWeights::operator()(const core::Direction& query) const {
-  const std::vector<double> on_a_light = lights_.one_hot_at(query.vec());
+std::vector<double> RadialBasisWeights::operator()(const core::Direction& query) const {
+  const std::vector<double> on_a_light =
+      basis_.smoothing == 0 ? lights_.one_hot_at(query.vec()) : std::vector<double>();
   return lights_.per_light(on_a_light.empty() ? solve(right_side(query.vec())) : on_a_light);
 }
 
-std::vector<core::Vec3> ThinPlateWeights::sum(std::span<const DistantLight> lights) const {
-  const std::size_t terms = lights_.points().size() + 1 + axes_.size();
+std::vector<core::Vec3> RadialBasisWeights::sum(std::span<const DistantLight> lights) const {
+  const std::size_t terms = lights_.points().size() + polynomial_.count();
   return lights_.per_light(solve(ordered_sum(lights.size(), terms, [&](std::size_t q, std::vector<core::Vec3>& total) {
     const std::vector<double> b = right_side(lights[q].direction.vec());
     for (std::size_t j = 0; j < terms; ++j) total[j] = total[j] + b[j] * lights[q].irradiance;
