@@ -84,15 +84,16 @@ const std::vector<Entry>& entries() {
                 "every pixel interpolated over the lights by radial basis functions; the strongest without training",
             .citation = "Masselus et al. 2004, Smooth reconstruction and compact representation of reflectance "
                         "functions for image-based relighting",
-            .knobs =
-                {choice_knob<RadialKernel>("--kernel", "the function of the distance, smoother or ringing less",
-                                           [](MethodOptions& options) -> RadialKernel& { return options.rbf.kernel; },
-                                           {"thin_plate", "linear"}),
-                 number_knob(
-                     "--smoothing",
-                     "how far noise is averaged out over the lights; 0 is exact at the captured lights, 1e-4 little",
-                     [](MethodOptions& options) -> double& { return options.rbf.smoothing; }, 0, 1e6),
-                 domain_knob()}},
+            .knobs = {choice_knob<RadialKernel>(
+                          "--kernel", "the function of the distance, smoother or ringing less",
+                          [](MethodOptions& options) -> RadialKernel& { return options.rbf.kernel; },
+                          {"thin_plate", "linear"}),
+                      number_knob(
+                          "--smoothing",
+                          "how far noise, and detail with it, is averaged out over the lights; 0 is exact at the "
+                          "captured lights, 1e-3 much",
+                          [](MethodOptions& options) -> double& { return options.rbf.smoothing; }, 0, 1e6),
+                      domain_knob()}},
        .make = [](const core::OlatScan& scan,
                   const MethodOptions& options) { return make_rbf(scan, options.domain, options.rbf); }},
 

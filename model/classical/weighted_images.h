@@ -1,4 +1,4 @@
-// What nearest, linear and rbf share: a picture is a weighted sum of the captured ones, and the method is its
+// What the methods without training share: a picture is a weighted sum of the captured ones, and the method is its
 // weights.
 #pragma once
 

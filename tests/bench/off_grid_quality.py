@@ -51,11 +51,11 @@ def main():
             return run("evaluate", scan, "--off-grid", "--directions", options.directions, *arguments)["methods"]
 
         spacing = math.sqrt(4 * math.pi / LIGHTS / 0.91)  # about; only the best of several s is taken
-        rows = evaluate("--method", "nearest,rbf,blend", "--model", options.model)
+        rows = evaluate("--method", "nearest,barycentric,rbf,bspline,blend", "--model", options.model)
         tried = [evaluate("--method", "linear", "--sharpness", str(f * 2 / spacing**2))[0] for f in (0.5, 1, 2, 4)]
         rows.append(min(tried, key=lambda row: row["rmse"]))
         for row in rows:
-            print(f"{scan:24} {row['name']:8} RMSE {row['rmse']:.4f}  H1 {row['h1']:.4f}  DSSIM {row['dssim']:.4f}  FLIP {row['flip']:.4f}", flush=True)
+            print(f"{scan:24} {row['name']:11} RMSE {row['rmse']:.4f}  H1 {row['h1']:.4f}  DSSIM {row['dssim']:.4f}  FLIP {row['flip']:.4f}", flush=True)
             totals.setdefault(row["name"], []).append(row)
 
     print(f"\nmean of {len(subjects)} subjects")
@@ -63,7 +63,7 @@ def main():
              for name, rows in totals.items()}
     for name, mean in means.items():
         ratio = "  ".join(f"{100 * (means['blend'][key] / mean[key] - 1):+.0f} %" for key in ("rmse", "h1", "dssim", "flip"))
-        print(f"{name:8} RMSE {mean['rmse']:.4f}  H1 {mean['h1']:.4f}  DSSIM {mean['dssim']:.4f}  FLIP {mean['flip']:.4f}"
+        print(f"{name:11} RMSE {mean['rmse']:.4f}  H1 {mean['h1']:.4f}  DSSIM {mean['dssim']:.4f}  FLIP {mean['flip']:.4f}"
               f"  {mean['seconds_per_image']:.3f} s   blend to this: {ratio}")
 
 
