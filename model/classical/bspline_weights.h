@@ -36,7 +36,7 @@ class BSplineWeights {
   // Throws BadInput for no lights. O(64 n) a level, about log2(16 / smallest distance between lights) levels.
   explicit BSplineWeights(std::span<const core::Direction> lights);
 
-  // One weight a light. O(64 n levels): 0.3 ms for 302.
+  // One weight a light. O(64 n levels): 0.2 ms for 302.
   std::vector<double> operator()(const core::Direction& query) const;
 
   // sum_q irradiance_q w_i(q). w is linear in the splines at the query, so these are summed first: O(64 levels) a light.
