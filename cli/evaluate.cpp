@@ -189,9 +189,8 @@ struct OffGrid {
   std::vector<core::Direction> directions;
   std::shared_ptr<const std::vector<core::Image>> truth;
 
-  OffGrid(const Options& options, const db::Store& store, const db::LoadedScan& loaded)
+  OffGrid(const Options& options, const SimulatedTruth& simulated, const db::LoadedScan& loaded)
       : directions(model::off_grid_directions(loaded.scan.directions(), options.directions, options.seed)) {
-    const SimulatedTruth simulated(store, options.name, {});
     core::note("rendering the truth for " + std::to_string(directions.size()) + " directions");
     truth = std::make_shared<const std::vector<core::Image>>(simulated.render(directions));
   }
@@ -236,8 +235,9 @@ Report judge(const Options& options, const core::OlatScan& scan, const Protocol&
 }
 
 void evaluate_off_grid(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
+  const SimulatedTruth simulated(store, options.name, {});
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
-  const OffGrid queries(options, store, loaded);
+  const OffGrid queries(options, simulated, loaded);
   const Protocol protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation_options(options));
   Report report = judge(options, loaded.scan, protocol, choices);
   if (!options.sheet.empty())
@@ -254,8 +254,9 @@ void evaluate_held_out(const Options& options, const db::Store& store, const db:
 
 void evaluate_subsample(const Options& options, const db::Store& store, const db::LoadedScan& loaded,
                         Context& context) {
+  const SimulatedTruth simulated(store, options.name, {});
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
-  const OffGrid queries(options, store, loaded);
+  const OffGrid queries(options, simulated, loaded);
   Report report;
   for (const std::size_t lights : options.subsample) {
     if (lights > loaded.scan.light_count()) {
@@ -294,7 +295,7 @@ void evaluate_frontier(const Options& options, const db::Store& store, const db:
   const std::vector<MethodChoice> choices = chosen_methods(options, store, scan.id);
   Protocol protocol;
   if (options.off_grid || (!options.held_out && is_simulated(scan))) {
-    const OffGrid queries(options, store, loaded);
+    const OffGrid queries(options, SimulatedTruth(store, options.name, {}), loaded);
     protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation_options(options));
   } else {
     warn_if_seen_in_training(options, choices);
