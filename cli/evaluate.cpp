@@ -202,15 +202,20 @@ void finish(const Options& options, const Context& context, Report report) {
       {"scan", options.name}, {"protocol", report.protocol}, {"notes", report.stages.front().protocol.notes}};
   std::string ranking;
   for (const JudgedStage& stage : report.stages) {
-    const std::string best = best_by_each(stage.scores, report.own_metric);
-    if (!best.empty()) ranking += (several ? std::to_string(stage.lights) + " lights: " : "") + best + "\n";
+    const ordered_json best = best_methods(stage.scores, report.own_metric);
+    if (!best.empty()) {
+      ranking +=
+          (several ? std::to_string(stage.lights) + " lights: " : "") + best_in_words(best, report.own_metric) + "\n";
+    }
     if (!several) {
       report.json["methods"] = scores_json(stage.scores, report.own_metric);
+      report.json["best"] = best;
       continue;
     }
     report.json["stages"].push_back({{"lights", stage.lights},
                                      {"neighbours", model::published_neighbours(stage.lights)},
-                                     {"methods", scores_json(stage.scores, report.own_metric)}});
+                                     {"methods", scores_json(stage.scores, report.own_metric)},
+                                     {"best", best}});
   }
   std::string notes;
   for (const std::string& note : report.stages.front().protocol.notes) notes += note + "\n";
@@ -256,15 +261,19 @@ void evaluate_subsample(const Options& options, const db::Store& store, const db
                         Context& context) {
   const SimulatedTruth simulated(store, options.name, {});
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
-  const OffGrid queries(options, simulated, loaded);
-  Report report;
-  for (const std::size_t lights : options.subsample) {
+  std::vector<std::size_t> stages = options.subsample;
+  std::sort(stages.rbegin(), stages.rend());
+  stages.erase(std::unique(stages.begin(), stages.end()), stages.end());
+  for (const std::size_t lights : stages) {
     if (lights > loaded.scan.light_count()) {
       throw core::UsageError("--subsample: scan '" + options.name + "' has " +
                              std::to_string(loaded.scan.light_count()) + " lights, not " + std::to_string(lights));
     }
   }
-  for (const std::size_t lights : options.subsample) {
+  const OffGrid queries(options, simulated, loaded);
+  const model::EvaluationOptions evaluation = evaluation_options(options);
+  Report report;
+  for (const std::size_t lights : stages) {
     const core::OlatScan scan = loaded.scan.with_lights(model::well_spread(loaded.scan.directions(), lights));
     std::vector<MethodChoice> thinned = choices;
     for (MethodChoice& choice : thinned) {
@@ -273,12 +282,11 @@ void evaluate_subsample(const Options& options, const db::Store& store, const db
     }
     core::note(std::to_string(lights) + " lights, " + std::to_string(model::published_neighbours(lights)) +
                " neighbours");
-    Protocol protocol = off_grid(scan, queries.directions, queries.truth, evaluation_options(options));
+    Protocol protocol = off_grid(scan, queries.directions, queries.truth, evaluation);
     protocol.notes.push_back(
-        "Fewer lights are chosen as those farthest from the ones chosen before, from the front on; the directions stay "
-        "the "
-        "same. linear and networks blend as many neighbours as published for a stage of that size; networks are not "
-        "trained "
+        "Fewer lights are chosen as those farthest from the ones chosen before, from the front on; queries stay the "
+        "same. "
+        "linear and networks blend as many neighbours as published for a stage of that size; networks are not trained "
         "anew for it.");
     Report judged = judge(options, scan, protocol, std::move(thinned));
     judged.stages.insert(judged.stages.begin(), std::make_move_iterator(report.stages.begin()),

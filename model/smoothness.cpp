@@ -70,14 +70,20 @@ Path best_path(const core::Image& strip, core::ImageView mask, int row, int sign
   return path;
 }
 
-// The edge in one row; nothing where some frame has none along the path.
+// The edge in one row; nothing where some frame has none along the path. Levels half way between both sides follow a line over time: taken frame by
+// frame they would jump with the whole pixels at which the sides are measured.
 std::optional<ShadowEdge> edge_along(const core::Image& strip, const Path& path, int row, int sign) {
-  ShadowEdge edge{.row = row, .sign = sign, .x = {}, .levels = {}};
+  std::vector<std::optional<double>> half_way;
   for (int t = 0; t < strip.height(); ++t) {
     const int gap = path.gaps[std::size_t(t)];
     const int left = std::max(0, gap + 1 - kPlateau), right = std::min(strip.width() - 1, gap + kPlateau);
-    edge.x.push_back(gap + 0.5);
-    edge.levels.push_back((double(strip(t, left)) + double(strip(t, right))) / 2);
+    half_way.push_back((double(strip(t, left)) + double(strip(t, right))) / 2);
+  }
+  const LineFit level = fit_line(half_way).value();
+  ShadowEdge edge{.row = row, .sign = sign, .x = {}, .levels = {}};
+  for (int t = 0; t < strip.height(); ++t) {
+    edge.x.push_back(path.gaps[std::size_t(t)] + 0.5);
+    edge.levels.push_back(level.offset + level.slope * t);
     const auto x = edge_near(strip.view().crop(t, 0, 1, strip.width()), edge, std::size_t(t), kPlateau);
     if (!x) return std::nullopt;
     edge.x.back() = *x;
@@ -99,7 +105,8 @@ Candidate best_in_row(std::span<const core::Image> frames, core::ImageView mask,
     std::optional<ShadowEdge> edge = edge_along(strip, path, row, sign);
     if (!edge) continue;
     const std::vector<std::optional<double>> positions(edge->x.begin(), edge->x.end());
-    const double merit = path.change / (1 + fit_line(positions)->residual);
+    const double crookedness = 1 + fit_line(positions)->residual;
+    const double merit = path.change / (crookedness * crookedness);
     if (merit > best.merit) best = {std::move(edge), merit};
   }
   return best;

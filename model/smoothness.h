@@ -30,14 +30,15 @@ class SecondDifferences {
 // A shadow's edge along one row of the picture, frame by frame.
 struct ShadowEdge {
   int row = 0;
-  int sign = 1;                // +1 where it is bright to the right of the edge
-  std::vector<double> x;       // pixels
-  std::vector<double> levels;  // the luminance half way between its bright and its dark side: where x is
+  int sign = 1;           // +1 where it is bright to the right of the edge
+  std::vector<double> x;  // pixels
+  std::vector<double>
+      levels;  // the luminance half way between its bright and its dark side, a line over time: where x is
 };
 
 // The edge that moves most clearly and evenly through frames of one size inside the mask: by dynamic programming over each row for the path of at most three
 // pixels a frame along which luminance changes most in space and time at once (an edge of the subject itself stands still and does not count), and of all
-// rows the one of most such change, divided by one more than the residual of the line through it (pixels). Nothing for fewer than three frames or where no
+// rows the one of most such change, divided by the square of one more than the residual of the line through it (pixels). Nothing for fewer than three frames or where no
 // edge moves. Throws BadInput when sizes differ.
 std::optional<ShadowEdge> find_moving_edge(std::span<const core::Image> frames, core::ImageView mask);
 

@@ -38,19 +38,50 @@ core::Direction turned(const core::Direction& from, const core::Vec3& towards, d
       {c * from.x() + s * towards.x, c * from.y() + s * towards.y, c * from.z() + s * towards.z});
 }
 
+// From the first to the last pixel of a row inside the mask, with some around; all of them where none is inside.
+struct Columns {
+  int first = 0, last = 0;
+};
+
+Columns columns_inside(const core::Image& mask, int row) {
+  constexpr int kAround = 6;
+  Columns columns{mask.width(), -1};
+  for (int x = 0; x < mask.width(); ++x) {
+    if (mask(row, x) <= 0.5f) continue;
+    columns.first = std::min(columns.first, x);
+    columns.last = x;
+  }
+  if (columns.last < 0) return {0, mask.width() - 1};
+  return {std::max(0, columns.first - kAround), std::min(mask.width() - 1, columns.last + kAround)};
+}
+
+// The row with the most pixels inside the mask.
+int widest_row(const core::Image& mask) {
+  int best = 0, widest = -1;
+  for (int y = 0; y < mask.height(); ++y) {
+    int inside = 0;
+    for (int x = 0; x < mask.width(); ++x) inside += mask(y, x) > 0.5f ? 1 : 0;
+    if (inside > widest) {
+      widest = inside;
+      best = y;
+    }
+  }
+  return best;
+}
+
 // Gathers frames, in their order.
 class Recorder {
  public:
   Recorder(std::string name, const core::OlatScan& scan, const std::optional<model::ShadowEdge>& edge, int row,
            int frames)
-      : scan_(scan), edge_(edge), row_(row) {
+      : scan_(scan), edge_(edge), row_(row), shown_(columns_inside(scan.mask(), row)) {
     score_.name = std::move(name);
-    score_.strip = core::Image(frames, scan.image_size().width, 3);
+    score_.strip = core::Image(frames, shown_.last - shown_.first + 1, 3);
   }
 
   void add(const core::Image& shown, const core::Image* truth) {
     const core::ImageView line = shown.view().crop(row_, 0, 1, shown.width());
-    const core::Image rgb = core::to_rgb(line);
+    const core::Image rgb = core::to_rgb(line.crop(0, shown_.first, 1, score_.strip.width()));
     std::copy(rgb.values().begin(), rgb.values().end(), score_.strip.pixel(int(frame_), 0));
     if (edge_) score_.edge.push_back(model::edge_near(line, *edge_, frame_, kReach));
     if (truth != nullptr)
@@ -71,25 +102,12 @@ class Recorder {
   const core::OlatScan& scan_;
   const std::optional<model::ShadowEdge>& edge_;
   int row_;
+  Columns shown_;
   ArcScore score_;
   model::SecondDifferences differences_;
   double squares_ = 0;
   std::size_t frame_ = 0;
 };
-
-// The row with the most pixels inside the mask.
-int widest_row(const core::Image& mask) {
-  int best = 0, widest = -1;
-  for (int y = 0; y < mask.height(); ++y) {
-    int inside = 0;
-    for (int x = 0; x < mask.width(); ++x) inside += mask(y, x) > 0.5f ? 1 : 0;
-    if (inside > widest) {
-      widest = inside;
-      best = y;
-    }
-  }
-  return best;
-}
 
 double frames_a_degree(const Arc& arc) {
   return arc.steps / arc.degrees();
@@ -99,6 +117,16 @@ double frames_a_degree(const Arc& arc) {
 std::optional<double> slope_error(const ArcScore& method, const ArcResult& result) {
   if (!method.fit || !result.truth || !result.truth->fit) return std::nullopt;
   return (method.fit->slope - result.truth->fit->slope) * frames_a_degree(result.arc);
+}
+
+// The root of the mean squared distance of the method's edge from the true one, over the frames in which it has one.
+std::optional<double> off_truth(const ArcScore& method, const ArcResult& result) {
+  if (!method.fit || !result.truth) return std::nullopt;
+  double squares = 0;
+  for (std::size_t t = 0; t < method.edge.size(); ++t) {
+    if (method.edge[t]) squares += std::pow(*method.edge[t] - result.truth->edge[t].value(), 2);
+  }
+  return std::sqrt(squares / double(method.fit->frames));
 }
 
 ordered_json json_of(const std::optional<double>& value) {
@@ -113,12 +141,13 @@ std::string strip_file(const std::string& name) {
   return "strip_" + name + ".png";
 }
 
-// Time downwards, each frame so many rows high that it can be seen.
+// Time downwards, pixels and frames so large that they can be seen.
 core::Image enlarged(const core::Image& strip) {
-  constexpr int kAcross = 2, kDown = 4;
-  core::Image result(strip.height() * kDown, strip.width() * kAcross, 3);
+  constexpr int kWidth = 500, kDown = 4;
+  const int across = std::max(1, kWidth / strip.width());
+  core::Image result(strip.height() * kDown, strip.width() * across, 3);
   for (int y = 0; y < result.height(); ++y) {
-    for (int x = 0; x < result.width(); ++x) std::copy_n(strip.pixel(y / kDown, x / kAcross), 3, result.pixel(y, x));
+    for (int x = 0; x < result.width(); ++x) std::copy_n(strip.pixel(y / kDown, x / across), 3, result.pixel(y, x));
   }
   return result;
 }
@@ -134,12 +163,12 @@ std::vector<std::vector<std::string>> arc_rows(const ArcResult& result) {
   const auto number = [](const std::optional<double>& value, int digits) {
     return value ? fixed(*value, digits) : std::string("-");
   };
-  std::vector<std::vector<std::string>> rows{
-      {"method", "RMSE", "2nd difference: mean", "largest", "edge: slope error px/deg", "residual px", "frames"}};
+  std::vector<std::vector<std::string>> rows{{"method", "RMSE", "2nd difference: mean", "largest",
+                                              "edge: slope error px/deg", "residual px", "off truth px", "frames"}};
   for (const ArcScore* score : shown_scores(result)) {
     rows.push_back({score->name, number(score->rmse, 4), fixed(score->mean_difference, 4),
                     fixed(score->largest_difference, 4), number(slope_error(*score, result), 3),
-                    score->fit ? fixed(score->fit->residual, 2) : "-",
+                    score->fit ? fixed(score->fit->residual, 2) : "-", number(off_truth(*score, result), 2),
                     score->fit ? std::to_string(score->fit->frames) : "-"});
   }
   return rows;
@@ -236,6 +265,7 @@ ordered_json arc_json(const std::string& scan, const ArcResult& result) {
       one["edge"] = {{"slope_px_per_deg", score->fit->slope * frames_a_degree(result.arc)},
                      {"slope_error_px_per_deg", json_of(slope_error(*score, result))},
                      {"residual_px", score->fit->residual},
+                     {"off_truth_px", json_of(off_truth(*score, result))},
                      {"frames", score->fit->frames}};
     }
     one["strip"] = strip_file(score->name);

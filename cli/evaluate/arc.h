@@ -30,7 +30,7 @@ struct ArcScore {
   std::string name;
   double largest_difference = 0, mean_difference = 0;  // second differences, frame to frame
   std::optional<double> rmse;                          // against the truth, where there is one
-  core::Image strip;                                   // the edge's row of the picture, a row a frame; display values
+  core::Image strip;                                   // the edge's row of the picture over the mask, a row a frame
   std::vector<std::optional<double>> edge;             // where the shadow's edge is, pixels
   std::optional<model::LineFit> fit;
 };

@@ -11,7 +11,7 @@ namespace lightstage::cli {
 namespace {
 
 constexpr double kErrorGain = 4;
-constexpr int kCellSize = 224;
+constexpr int kLargestCell = 240;  // pixels of a sheet; crops are enlarged by a whole number
 constexpr std::size_t kMethodsARow = 5;
 
 // Indices into MethodScore::each, the one with the widest spread of errors first.
@@ -124,11 +124,11 @@ std::vector<CropSheet> crops_where_methods_differ(const JudgedStage& stage, bool
       rows.push_back(std::move(crops));
       rows.push_back(std::move(errors));
     }
-    sheets.push_back({contact_sheet(rows, kCellSize), "light at " + fixed(query.longitude_degrees(), 0) + ", " +
-                                                          fixed(query.latitude_degrees(), 0) + " degrees, " +
-                                                          fixed(stage.scores.front().each[i].degrees_to_light, 1) +
-                                                          " degrees from the nearest that the methods had; errors " +
-                                                          fixed(kErrorGain, 0) + " times enlarged"});
+    sheets.push_back({contact_sheet(rows, side * std::max(1, kLargestCell / side)),
+                      "light at " + fixed(query.longitude_degrees(), 0) + ", " + fixed(query.latitude_degrees(), 0) +
+                          " degrees, " + fixed(stage.scores.front().each[i].degrees_to_light, 1) +
+                          " degrees from the nearest that the methods had; errors " + fixed(kErrorGain, 0) +
+                          " times enlarged"});
   }
   return sheets;
 }

@@ -180,14 +180,18 @@ ordered_json frontier_json(const std::string& scan, const Protocol& protocol, co
 }
 
 std::string frontier_text(const std::vector<FrontierPoint>& points) {
+  const std::size_t all = measures(scores_of(points), {}).size();
+  const auto named = [all](const std::vector<std::string>& keys) {
+    return keys.size() == all ? "all measures" : core::joined(keys, " ");
+  };
   std::vector<std::vector<std::string>> rows{
       {"method", "setting", "RMSE", "DSSIM", "FLIP", "s/image", "peak MiB", "cheapest for its error by"}};
   for (const FrontierPoint& point : points) {
     const model::MethodScore& score = point.score;
     std::string fronts;
-    if (!point.time_fronts.empty()) fronts = "time: " + core::joined(point.time_fronts, " ");
+    if (!point.time_fronts.empty()) fronts = "time: " + named(point.time_fronts);
     if (!point.memory_fronts.empty())
-      fronts += (fronts.empty() ? "" : "; ") + ("memory: " + core::joined(point.memory_fronts, " "));
+      fronts += (fronts.empty() ? "" : "; ") + ("memory: " + named(point.memory_fronts));
     rows.push_back({score.name, point.setting, fixed(score.rmse, 4), fixed(score.dssim, 4), fixed(score.flip, 4),
                     fixed(score.seconds_per_image, 4),
                     score.peak_rss_bytes ? fixed(double(*score.peak_rss_bytes) / kMebibyte, 0) : "-", fronts});

@@ -147,7 +147,7 @@ std::string markdown(const Report& report) {
   text += markdown_row(rows.front()) + markdown_row(std::vector<std::string>(rows.front().size(), "---"));
   for (std::size_t r = 1; r < rows.size(); ++r) text += markdown_row(rows[r]);
   for (const JudgedStage& stage : report.stages) {
-    const std::string best = best_by_each(stage.scores, report.own_metric);
+    const std::string best = best_in_words(best_methods(stage.scores, report.own_metric), report.own_metric);
     if (best.empty()) continue;
     text += "\n" + (report.stages.size() > 1 ? std::to_string(stage.lights) + " lights: " : "") + best + ".\n";
   }
@@ -196,7 +196,7 @@ void write_report(const fs::path& folder, const Report& report) {
   for (const std::string& note : report.stages.front().protocol.notes) page.paragraph(note);
   page.table(report_rows(report));
   for (const JudgedStage& stage : report.stages) {
-    const std::string best = best_by_each(stage.scores, report.own_metric);
+    const std::string best = best_in_words(best_methods(stage.scores, report.own_metric), report.own_metric);
     if (!best.empty())
       page.paragraph((report.stages.size() > 1 ? std::to_string(stage.lights) + " lights: " : "") + best + ".");
   }

@@ -1,7 +1,6 @@
 #include "cli/evaluate/scores.h"
 
 #include <algorithm>
-#include <cmath>
 
 #include "cli/format.h"
 #include "core/text.h"
@@ -19,6 +18,20 @@ ordered_json json_of(const std::optional<double>& value) {
   return value ? ordered_json(*value) : ordered_json(nullptr);
 }
 
+std::vector<Measure> all_measures(const std::string& own_metric) {
+  using Value = std::optional<double>;
+  return {
+      {"rmse", "RMSE", false, [](const MethodScore& s) { return Value(s.rmse); }},
+      {"h1", "H1", false, [](const MethodScore& s) { return Value(s.h1); }},
+      {"dssim", "DSSIM", false, [](const MethodScore& s) { return Value(s.dssim); }},
+      {"msssim", "MS-SSIM", true, [](const MethodScore& s) { return Value(s.msssim); }},
+      {"gmsd", "GMSD", false, [](const MethodScore& s) { return Value(s.gmsd); }},
+      {"flip", "FLIP", false, [](const MethodScore& s) { return Value(s.flip); }},
+      {"hdr_flip", "HDR-FLIP", false, [](const MethodScore& s) { return s.hdr_flip; }},
+      {"metric_model", own_metric, false, [](const MethodScore& s) { return s.own_error; }},
+  };
+}
+
 const MethodScore& best(std::span<const MethodScore> scores, const Measure& measure) {
   return *std::min_element(scores.begin(), scores.end(), [&](const MethodScore& a, const MethodScore& b) {
     const double first = measure.of(a).value(), second = measure.of(b).value();
@@ -29,17 +42,7 @@ const MethodScore& best(std::span<const MethodScore> scores, const Measure& meas
 }  // namespace
 
 std::vector<Measure> measures(std::span<const MethodScore> scores, const std::string& own_metric) {
-  using Value = std::optional<double>;
-  std::vector<Measure> all{
-      {"rmse", "RMSE", false, [](const MethodScore& s) { return Value(s.rmse); }},
-      {"h1", "H1", false, [](const MethodScore& s) { return Value(s.h1); }},
-      {"dssim", "DSSIM", false, [](const MethodScore& s) { return Value(s.dssim); }},
-      {"msssim", "MS-SSIM", true, [](const MethodScore& s) { return Value(s.msssim); }},
-      {"gmsd", "GMSD", false, [](const MethodScore& s) { return Value(s.gmsd); }},
-      {"flip", "FLIP", false, [](const MethodScore& s) { return Value(s.flip); }},
-      {"hdr_flip", "HDR-FLIP", false, [](const MethodScore& s) { return s.hdr_flip; }},
-      {"metric_model", own_metric, false, [](const MethodScore& s) { return s.own_error; }},
-  };
+  std::vector<Measure> all = all_measures(own_metric);
   std::erase_if(all, [&](const Measure& measure) {
     return std::any_of(scores.begin(), scores.end(), [&](const MethodScore& s) { return !measure.of(s); });
   });
@@ -87,16 +90,23 @@ std::vector<std::vector<std::string>> score_rows(std::span<const MethodScore> sc
   return rows;
 }
 
-std::string best_by_each(std::span<const MethodScore> scores, const std::string& own_metric) {
-  if (scores.size() < 2) return {};
+ordered_json best_methods(std::span<const MethodScore> scores, const std::string& own_metric) {
+  ordered_json object = ordered_json::object();
+  if (scores.size() < 2) return object;
+  for (const Measure& measure : measures(scores, own_metric)) object[measure.key] = best(scores, measure).name;
+  return object;
+}
+
+std::string best_in_words(const ordered_json& best, const std::string& own_metric) {
   struct Win {
     std::string method;
     bool more_is_better;
     std::vector<std::string> titles;
   };
   std::vector<Win> wins;
-  for (const Measure& measure : measures(scores, own_metric)) {
-    const std::string winner = best(scores, measure).name;
+  for (const Measure& measure : all_measures(own_metric)) {
+    if (!best.contains(measure.key)) continue;
+    const std::string winner = best[measure.key].get<std::string>();
     auto win = std::find_if(wins.begin(), wins.end(), [&](const Win& w) {
       return w.method == winner && w.more_is_better == measure.more_is_better;
     });

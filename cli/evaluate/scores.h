@@ -2,6 +2,7 @@
 #pragma once
 
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -28,7 +29,10 @@ nlohmann::ordered_json scores_json(std::span<const model::MethodScore> scores, c
 std::vector<std::vector<std::string>> score_rows(std::span<const model::MethodScore> scores,
                                                  const std::string& own_metric);
 
-// "lowest RMSE, H1 and DSSIM: blend; lowest GMSD: rbf; highest MS-SSIM: blend": the best method by each measure. Empty for fewer than two methods.
-std::string best_by_each(std::span<const model::MethodScore> scores, const std::string& own_metric);
+// {"rmse": "blend", ...}: the best method by each measure; empty for fewer than two methods.
+nlohmann::ordered_json best_methods(std::span<const model::MethodScore> scores, const std::string& own_metric);
+
+// The same in words: "lowest RMSE, H1: blend; lowest GMSD: rbf; highest MS-SSIM: blend".
+std::string best_in_words(const nlohmann::ordered_json& best, const std::string& own_metric);
 
 }  // namespace lightstage::cli

@@ -10,7 +10,7 @@ constexpr const char* kStyle =
     "h1{font-size:1.6rem}h2{font-size:1.2rem;margin-top:2rem}"
     "table{border-collapse:collapse;margin:1rem 0;background:#fff}"
     "th,td{padding:.35rem .9rem;border-bottom:1px solid #ddd;text-align:right;font-variant-numeric:tabular-nums}"
-    "th:first-child,td:first-child{text-align:left}tr.marked td{font-weight:600;background:#eef6ee}"
+    "th:first-child,td:first-child{text-align:left}"
     "pre{background:#1e1e1e;color:#ddd;padding:1rem;overflow-x:auto;font-size:13px}"
     "figure{display:inline-block;margin:0 1rem 1rem 0;vertical-align:top;max-width:100%}"
     "figure img{max-width:100%;image-rendering:auto;background:#000}"
@@ -61,11 +61,11 @@ void HtmlPage::code(const std::string& text) {
   html_ += "<pre>" + html_escaped(text) + "</pre>\n";
 }
 
-void HtmlPage::table(const std::vector<std::vector<std::string>>& rows, std::size_t marked) {
+void HtmlPage::table(const std::vector<std::vector<std::string>>& rows) {
   html_ += "<table>\n";
   for (std::size_t r = 0; r < rows.size(); ++r) {
     const std::string cell = r == 0 ? "th" : "td";
-    html_ += r > 0 && r == marked ? "<tr class=\"marked\">" : "<tr>";
+    html_ += "<tr>";
     for (const std::string& text : rows[r]) html_ += "<" + cell + ">" + html_escaped(text) + "</" + cell + ">";
     html_ += "</tr>\n";
   }

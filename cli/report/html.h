@@ -17,8 +17,8 @@ class HtmlPage {
   void heading(const std::string& text);
   void paragraph(const std::string& text);
   void code(const std::string& text);
-  // The first row is the head; row `marked` stands out (0: none).
-  void table(const std::vector<std::vector<std::string>>& rows, std::size_t marked = 0);
+  // The first row is the head.
+  void table(const std::vector<std::vector<std::string>>& rows);
   struct Figure {
     std::filesystem::path file;  // relative to the page
     std::string caption;

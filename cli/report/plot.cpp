@@ -73,7 +73,8 @@ class Scale {
       if (factor * power >= rough) step = factor * power;
     }
     std::vector<double> ticks;
-    for (double i = std::ceil(low / step - 1e-9); i * step <= high * (1 + 1e-12); ++i) ticks.push_back(i * step);
+    for (double i = std::ceil(low / step - 1e-9); i * step <= high * (1 + 1e-12); ++i)
+      ticks.push_back(i * step + 0.0);  // no -0
     return ticks;
   }
 
