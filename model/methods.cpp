@@ -6,6 +6,8 @@
 #include "model/alias_free_weights.h"
 #include "model/checkpoint.h"
 #include "model/classical.h"
+#include "model/classical/fuchs.h"
+#include "model/classical/photometric_stereo.h"
 #include "model/knobs.h"
 
 namespace lightstage::model {
@@ -106,6 +108,22 @@ const std::vector<Entry>& entries() {
        .make = [](const core::OlatScan& scan,
                   const MethodOptions& options) { return make_bspline(scan, options.domain); }},
 
+      {.info = {.name = "fuchs",
+                .summary =
+                    "layers: highlights moved by optical flow, shadow edges by their distance, the rest blended; "
+                    "sharp, and no training is needed",
+                .citation = "Fuchs et al. 2007, Superresolution reflectance fields: synthesizing images for "
+                            "intermediate light directions",
+                .knobs = {}},
+       .make = [](const core::OlatScan& scan, const MethodOptions&) { return make_fuchs(scan); }},
+
+      {.info = {.name = "photometric_stereo",
+                .summary = "a matte surface fitted to every pixel, with the shadows and highlights of fuchs; its maps: "
+                           "`lightstage normals`",
+                .citation = "Woodham 1980, Photometric method for determining surface orientation from multiple images",
+                .knobs = {}},
+       .make = [](const core::OlatScan& scan, const MethodOptions&) { return make_photometric_stereo(scan); }},
+
       {.info = {.name = "blend",
                 .summary = "a network that corrects rbf by choosing among captured pixels; sharp shadows, and no "
                            "training is needed",
@@ -113,23 +131,21 @@ const std::vector<Entry>& entries() {
                 .knobs = {model_knob(", else the one that comes with the program")}},
        .make = make_network<Architecture::kBlend>},
 
-      {.info = {.name = "superres",
-                .summary = "the published network, trained by `lightstage train`; draws the picture anew",
-                .citation = "Sun et al. 2020, Light Stage Super-Resolution",
-                .knobs = {model_knob(""),
-                          flag_knob("--bf16", "multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01",
-                                    [](MethodOptions& options) -> bool& { return options.network.bfloat16; }),
-                          flag_knob(
-                              "--half-cache",
-                              "keep what the network makes of captured images in 16 bits, so that twice as much fits",
-                              [](MethodOptions& options) -> bool& { return options.network.half_storage; }),
-                          megabytes_knob(
-                              "--cache-mb", "memory for captured images and what the network makes of each, MiB",
-                              [](MethodOptions& options) -> std::size_t& { return options.network.cache_bytes; }),
-                          megabytes_knob("--spill-mb", "temporary file for encoded images that do not fit there, MiB",
-                                         [](MethodOptions& options) -> std::size_t& {
-                                           return options.network.spill_bytes;
-                                         })}},
+      {.info =
+           {.name = "superres",
+            .summary = "the published network, trained by `lightstage train`; draws the picture anew",
+            .citation = "Sun et al. 2020, Light Stage Super-Resolution",
+            .knobs =
+                {model_knob(""),
+                 flag_knob("--bf16", "multiply bfloat16 numbers; 1.7 times as fast, values within about 0.01",
+                           [](MethodOptions& options) -> bool& { return options.network.bfloat16; }),
+                 flag_knob("--half-cache",
+                           "keep what the network makes of captured images in 16 bits, so that twice as much fits",
+                           [](MethodOptions& options) -> bool& { return options.network.half_storage; }),
+                 megabytes_knob("--cache-mb", "memory for captured images and what the network makes of each, MiB",
+                                [](MethodOptions& options) -> std::size_t& { return options.network.cache_bytes; }),
+                 megabytes_knob("--spill-mb", "temporary file for encoded images that do not fit there, MiB",
+                                [](MethodOptions& options) -> std::size_t& { return options.network.spill_bytes; })}},
        .make = make_network<Architecture::kSuperres>},
   };
   return all;

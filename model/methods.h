@@ -47,7 +47,7 @@ struct MethodInfo {
   std::vector<Knob> knobs;
 };
 
-// nearest, linear, barycentric, rbf, bspline, blend, superres; in this order.
+// nearest, linear, barycentric, rbf, bspline, fuchs, photometric_stereo, blend, superres; in this order.
 const std::vector<MethodInfo>& methods();
 
 // Throws UsageError for a name that does not exist (with the nearest one, and all).

@@ -1,6 +1,7 @@
 #include "model/normals.h"
 
 #include <algorithm>
+#include <limits>
 #include <vector>
 
 #include "core/parallel.h"
@@ -55,7 +56,8 @@ double albedo_along(core::Vec3 normal, const std::vector<core::Direction>& light
     product += weights[i] * cosine * double(values[i]);
     square += weights[i] * cosine * cosine;
   }
-  return square > 0 ? std::max(0.0, product / square) : 0;
+  constexpr double kLargest = std::numeric_limits<float>::max();
+  return square > 0 ? std::clamp(product / square, 0.0, kLargest) : 0;
 }
 
 }  // namespace

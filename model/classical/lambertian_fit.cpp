@@ -8,7 +8,7 @@ namespace lightstage::model {
 
 namespace {
 
-constexpr double kDark = 0.1;  // of a pixel's bright values: what is below says nothing of its normal
+constexpr double kDark = 0.15;  // of a pixel's bright values: what is below says nothing of its normal
 constexpr double kGrazing =
     0.1;  // cosine below which a light is left out: there surfaces are rough and sources extended
 constexpr double kSmallest =
@@ -19,7 +19,7 @@ constexpr double kConverged = 1e-6;  // relative change of g
 // The value that a pixel's bright ones have, whatever a few highlights do; the brightest where there are few.
 double bright_value(std::span<const float> values) {
   std::vector<float> sorted(values.begin(), values.end());
-  const auto nth = sorted.begin() + std::ptrdiff_t(double(sorted.size() - 1) * 0.9);
+  const auto nth = sorted.begin() + std::ptrdiff_t(double(sorted.size() - 1) * 0.95);
   std::nth_element(sorted.begin(), nth, sorted.end());
   return *nth > 0 ? double(*nth) : double(*std::max_element(sorted.begin(), sorted.end()));
 }

@@ -316,7 +316,8 @@ TEST_CASE("a misspelt method is answered with the nearest name, superres without
     CHECK_FALSE(info.summary.empty());
     CHECK_FALSE(info.citation.empty());
   }
-  CHECK(names == std::vector<std::string>{"nearest", "linear", "barycentric", "rbf", "bspline", "blend", "superres"});
+  CHECK(names == std::vector<std::string>{"nearest", "linear", "barycentric", "rbf", "bspline", "fuchs",
+                                          "photometric_stereo", "blend", "superres"});
   CHECK_THROWS_AS(model::make_interpolator("superes", scan), core::UsageError);
   CHECK_THROWS_WITH(model::make_interpolator("superes", scan), Catch::Contains("did you mean 'superres'?"));
   CHECK_THROWS_WITH(model::make_interpolator("superres", scan), Catch::Contains("model file"));
