@@ -11,8 +11,9 @@ namespace lightstage::model {
 
 namespace {
 
-constexpr int kLargestStep = 3;  // of an edge, pixels a frame
-constexpr int kPlateau = 4;      // so many pixels from the edge its two sides are measured
+constexpr int kLargestStep = 3;     // of an edge, pixels a frame
+constexpr double kLeastTravel = 3;  // pixels from the first frame to the last
+constexpr int kPlateau = 4;         // so many pixels from the edge its two sides are measured
 
 // Luminance of one row of all frames: time down, x to the right.
 core::Image strip_of(std::span<const core::Image> frames, int row) {
@@ -105,8 +106,10 @@ Candidate best_in_row(std::span<const core::Image> frames, core::ImageView mask,
     std::optional<ShadowEdge> edge = edge_along(strip, path, row, sign);
     if (!edge) continue;
     const std::vector<std::optional<double>> positions(edge->x.begin(), edge->x.end());
-    const double crookedness = 1 + fit_line(positions)->residual;
-    const double merit = path.change / (crookedness * crookedness);
+    const LineFit line = fit_line(positions).value();
+    const double travel = std::abs(line.slope) * double(frames.size() - 1);
+    if (travel < kLeastTravel) continue;
+    const double merit = path.change * travel / ((1 + line.residual) * (1 + line.residual));
     if (merit > best.merit) best = {std::move(edge), merit};
   }
   return best;

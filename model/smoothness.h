@@ -36,10 +36,10 @@ struct ShadowEdge {
       levels;  // the luminance half way between its bright and its dark side, a line over time: where x is
 };
 
-// The edge that moves most clearly and evenly through frames of one size inside the mask: by dynamic programming over each row for the path of at most three
-// pixels a frame along which luminance changes most in space and time at once (an edge of the subject itself stands still and does not count), and of all
-// rows the one of most such change, divided by the square of one more than the residual of the line through it (pixels). Nothing for fewer than three frames or where no
-// edge moves. Throws BadInput when sizes differ.
+// The edge that moves farthest, most clearly and most evenly through frames of one size inside the mask: by dynamic programming over each row for the path of
+// at most three pixels a frame along which luminance changes most in space and time at once (an edge of the subject itself stands still and does not count); of all rows
+// the one with the largest product of that change and the way (pixels) that the line through the path goes, divided by the square of one more than the line's residual
+// (pixels). Nothing for fewer than three frames, or where no edge goes three pixels. Throws BadInput when sizes differ.
 std::optional<ShadowEdge> find_moving_edge(std::span<const core::Image> frames, core::ImageView mask);
 
 // Where the luminance of one frame's row (one pixel high, one channel or more) crosses the level of frame `t` of the edge in the same sense, nearest to

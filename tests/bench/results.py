@@ -113,6 +113,10 @@ def write_set(title, rows_of):
                 [[method, *(f"{found[start][2]:.4f}" for start, _ in bins)] for method, found in angles.items()]))
 
 
+def version(program):
+    return subprocess.run([program, "--version"], stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+
+
 def machine():
     with open("/proc/cpuinfo", encoding="utf-8") as file:
         names = [line.split(":", 1)[1].strip() for line in file if line.startswith("model name")]
@@ -168,7 +172,7 @@ def main():
                      measure(options.photographs[0], [scan], lambda _, every=every: ["--held-out", "--every", every])))
 
     print("# Methods, ranked\n")
-    print(f"Written by `tests/bench/results.py` on {datetime.date.today()}, lightstage {program.json(store, '--version')['version']}, {machine()}.\n"
+    print(f"Written by `tests/bench/results.py` on {datetime.date.today()}, {version(options.program)}, {machine()}.\n"
           "Errors are of display-encoded values over the mask; lower is better, but for MS-SSIM; the best of each column is bold. Times are of one image\n"
           "after the method was fitted, with all cores; the peak is the process's, with the scan in memory. Subjects and photographs were never trained on.")
     if models:
