@@ -52,11 +52,14 @@ class Fuchs : public LightInterpolator {
   static void weigh(const std::vector<NearLight>& lights, std::size_t pixel, double to_be_visible,
                     std::vector<double>& visible, std::vector<double>& weights) {
     constexpr double kOtherState = 0.02;  // where no light sees the pixel as it is to be
+    constexpr double kOnEdge = 0.02;      // where all of them have an edge there
     double sum = 0;
     for (std::size_t i = 0; i < lights.size(); ++i) {
-      visible[i] = visibility(double(lights[i].layers.shadow_distance.values()[pixel]));
+      const double distance = double(lights[i].layers.shadow_distance.values()[pixel]);
+      visible[i] = visibility(distance);
       const double alike = to_be_visible * visible[i] + (1 - to_be_visible) * (1 - visible[i]);
-      weights[i] = lights[i].weight * (alike + kOtherState);
+      const double clear_of_edge = std::clamp(std::abs(distance) - 0.5, kOnEdge, 1.0);
+      weights[i] = lights[i].weight * (alike + kOtherState) * clear_of_edge;
       sum += weights[i];
     }
     for (double& weight : weights) weight /= sum;

@@ -61,8 +61,7 @@ core::Image highlight_flow(core::ImageView from, core::ImageView to, double whit
   b.convertTo(b8, CV_8U);
   const cv::Ptr<cv::DISOpticalFlow> dis = cv::DISOpticalFlow::create();
   // OpenCV reads beyond its buffers when the finest scale is coarser than the coarsest one it chooses.
-  const bool small = std::min(from.height(), from.width()) < 16 || std::max(from.height(), from.width()) < 64;
-  dis->setFinestScale(small ? 0 : 1);
+  dis->setFinestScale(std::max(from.height(), from.width()) < 4 * kSmallestSide ? 0 : 1);
   dis->setPatchStride(4);
   dis->setGradientDescentIterations(25);
   dis->setVariationalRefinementIterations(5);

@@ -12,7 +12,7 @@ namespace lightstage::model {
 core::Image highlight_flow(core::ImageView from, core::ImageView to, double white);
 
 // The picture with every pixel moved by its displacement (two channels): bilinear splatting, of several pixels that come to lie in one place the
-// mean. Where they are drawn apart the picture gets thinner, not holes. Continuous in the displacement; no displacement is no change.
+// mean. Pixels drawn apart by up to half as far again leave no hole; what is left behind is 0. Continuous in the displacement; none is no change.
 core::Image moved(core::ImageView picture, core::ImageView displacement);
 
 }  // namespace lightstage::model

@@ -14,7 +14,7 @@ namespace lightstage::model {
 namespace {
 
 std::vector<NearLight> lights_around(const LightLayers& layers, const core::Direction& query) {
-  // Three would make a triangle. More are less noisy, and weights that reach further hide errors of each light; ten flows a light cost most of the time.
+  // More are less noisy, fewer are sharper, and the time goes with the square: docs/model.md.
   constexpr std::size_t kNeighbours = 6;
   const std::vector<core::Direction>& all = layers.scan().directions();
   const std::vector<std::size_t> nearest = core::nearest_indices(all, query, kNeighbours);
