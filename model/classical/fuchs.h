@@ -17,7 +17,7 @@ namespace lightstage::model {
 //
 // After Fuchs et al. 2007, "Superresolution reflectance fields: synthesizing images for intermediate light directions": layers, highlights moved by optical
 // flow, and what went wrong corrected from the captured pictures. Theirs blends the rest; a Lambertian surface carries ours, and shadows move by signed
-// distance instead of flow. Making it costs estimate_normals, a query about 0.5 s a core at 256 x 256 pixels.
+// distance instead of flow. Making it costs estimate_normals, a query 0.2 to 0.5 s a core at 256 x 256 pixels.
 std::unique_ptr<LightInterpolator> make_fuchs(const core::OlatScan& scan);
 
 }  // namespace lightstage::model

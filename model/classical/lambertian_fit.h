@@ -34,7 +34,7 @@ class LambertianFitter {
   std::size_t light_count() const { return x_.size(); }
 
   // One value a light, any finite ones; the weights that the lights were given, in [0, 1], come out in `weights`. Scaling the values scales g alone.
-  // About 2 us for 302 lights and an iteration, of which there are 10 to 45.
+  // At most 45 iterations over the lights.
   LambertianFit operator()(std::span<const float> values, std::span<double> weights) const;
 
  private:

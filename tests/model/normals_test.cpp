@@ -119,6 +119,20 @@ TEST_CASE("normals: a ball under the lights of a frontal dome, with noise, hot p
   CHECK(at(errors, 0.95) < 3);
 }
 
+TEST_CASE("normals: a pixel in a fold, that one light in seven reaches, is judged by those") {
+  const Vec3 n = Direction::from_vector({0.1, 0.2, 0.9}).vec();
+  const std::vector<Direction> lights = core::fibonacci_directions(302);
+  const auto reaches = [](const Direction& light) { return light.x() < -0.47 && light.z() > 0; };
+  CHECK(std::count_if(lights.begin(), lights.end(), reaches) < 302 / 7 + 1);
+  const auto fold = [&](const Direction& light, int, int, int) {
+    return std::max(0.0, dot(n, light.vec())) * (reaches(light) ? 0.7 : 0.03);
+  };
+  const model::SurfaceMaps maps = model::estimate_normals(test::scan_of(lights, {1, 1, 3}, fold));
+  const Vec3 found{maps.normals(0, 0, 0), maps.normals(0, 0, 1), maps.normals(0, 0, 2)};
+  CHECK(core::degrees_from_radians(2 * std::atan2(norm(found - n), norm(found + n))) < 0.1);
+  CHECK(maps.albedo(0, 0) == Approx(0.7).epsilon(0.01));
+}
+
 TEST_CASE("normals: the same for every thread count, and finite and unit whatever the pictures") {
   const std::vector<Direction> lights = core::fibonacci_directions(60);
   const auto extreme = [](const Direction& light, int y, int x, int c) {
