@@ -259,7 +259,6 @@ void evaluate_held_out(const Options& options, const db::Store& store, const db:
 
 void evaluate_subsample(const Options& options, const db::Store& store, const db::LoadedScan& loaded,
                         Context& context) {
-  const SimulatedTruth simulated(store, options.name, {});
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
   std::vector<std::size_t> stages = options.subsample;
   std::sort(stages.rbegin(), stages.rend());
@@ -270,7 +269,7 @@ void evaluate_subsample(const Options& options, const db::Store& store, const db
                              std::to_string(loaded.scan.light_count()) + " lights, not " + std::to_string(lights));
     }
   }
-  const OffGrid queries(options, simulated, loaded);
+  const OffGrid queries(options, SimulatedTruth(store, options.name, {}), loaded);
   const model::EvaluationOptions evaluation = evaluation_options(options);
   Report report;
   for (const std::size_t lights : stages) {
