@@ -1,12 +1,14 @@
 #include "model/checkpoint.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
 #include "core/text.h"
 #include "model/net/checkpoint_metadata.h"
+#include "model/net/light_selection.h"
 #include "model/net/safetensors.h"
 
 namespace lightstage::model {
@@ -21,6 +23,7 @@ constexpr std::size_t kMaxLevels = 8;
 constexpr int kMaxChannels = 512;
 // blend: what the encoder and the head are told of a neighbour beside its pixels, and how wide the head is inside.
 constexpr int kPlaceInputs = 8, kHeadChannels = 16;
+constexpr int kGradients = 2;  // pictures that meka sees
 
 std::string shape_text(const std::vector<std::int64_t>& shape) {
   std::string text = "[";
@@ -48,11 +51,17 @@ void check(const NetworkConfig& config) {
   };
   check_channels(config.channels);
   check_channels(config.query_channels);
-  const bool superres = config.architecture == Architecture::kSuperres;
-  if (config.query_channels.size() > kMaxLevels || config.query_channels.empty() == superres) {
-    throw fail(superres ? "superres needs 1 to 8 query_channels" : "blend has no query_channels");
+  const std::string name(architecture_name(config.architecture));
+  const bool asks_by_layers = config.architecture != Architecture::kBlend && config.architecture != Architecture::kMeka;
+  if (config.query_channels.size() > kMaxLevels || config.query_channels.empty() == asks_by_layers) {
+    throw fail(name + (asks_by_layers ? " needs 1 to 8 query_channels" : " has no query_channels"));
   }
-  if (!superres && config.pooling != Pooling::kAliasFree) throw fail("blend pools alias_free only");
+  if (config.architecture != Architecture::kSuperres && config.pooling != Pooling::kAliasFree) {
+    throw fail(name + " pools alias_free only");
+  }
+  if (config.architecture == Architecture::kMeka && config.neighbours != kGradients) {
+    throw fail("meka sees two gradient pictures and no neighbours: neighbours must be 2");
+  }
   if (!std::isfinite(config.sharpness) || config.sharpness <= 0) {
     throw fail("sharpness is " + core::number_text(config.sharpness) + ", must be a finite number > 0");
   }
@@ -78,6 +87,21 @@ std::string numbered(const char* name, int number) {
   return name + ("." + std::to_string(number));
 }
 
+// Fully connected layers on the query's direction; returns the width of the last.
+int add_query_layers(TensorList& tensors, const NetworkConfig& config) {
+  int width = 3;
+  for (int layer = 0; layer < int(config.query_channels.size()); ++layer) {
+    const std::string name = numbered("query", layer);
+    const int out = config.query_channels[std::size_t(layer)];
+    tensors.add(name + ".weight", {out, width});
+    tensors.add(name + ".bias", {out});
+    tensors.add_norm(name, out);
+    tensors.add_slope(name, out);
+    width = out;
+  }
+  return width;
+}
+
 void add_superres(TensorList& tensors, const NetworkConfig& config) {
   const auto& channels = config.channels;
   const int levels = int(channels.size());
@@ -89,16 +113,7 @@ void add_superres(TensorList& tensors, const NetworkConfig& config) {
     tensors.add_norm(name, channels[std::size_t(level)]);
     tensors.add_slope(name, channels[std::size_t(level)]);
   }
-  int width = 3;
-  for (int layer = 0; layer < int(config.query_channels.size()); ++layer) {
-    const std::string name = numbered("query", layer);
-    const int out = config.query_channels[std::size_t(layer)];
-    tensors.add(name + ".weight", {out, width});
-    tensors.add(name + ".bias", {out});
-    tensors.add_norm(name, out);
-    tensors.add_slope(name, out);
-    width = out;
-  }
+  int width = add_query_layers(tensors, config);
   for (int level = levels - 1; level >= 0; --level) {
     const std::string name = numbered("decoder", level);
     const int out = outer(level);
@@ -154,10 +169,63 @@ void add_blend(TensorList& tensors, const NetworkConfig& config) {
   tensors.add_conv("residual", 3, 2 * finest);
 }
 
+// xu, xu_adaptive and meka.
+void add_u_net(TensorList& tensors, const NetworkConfig& config) {
+  const auto& channels = config.channels;
+  const int levels = int(channels.size());
+  const int finest = channels.front();
+  constexpr int kDirection = 3;
+  const int picture_and_light = 3 + kDirection;
+  int width = picture_and_light;  // one picture at a time
+  if (config.architecture == Architecture::kXu) {
+    tensors.add("sampling.logits", {config.neighbours, std::int64_t(sampling_candidates().size())});
+    width = config.neighbours * picture_and_light;
+  } else if (config.architecture == Architecture::kMeka) {
+    width = 3 * kGradients + kDirection;
+  }
+  for (int level = 0; level < levels; ++level) {
+    const std::string name = numbered("encoder", level);
+    const int out = channels[std::size_t(level)];
+    tensors.add_conv(name, out, width);
+    if (level > 0) tensors.add_norm(name, out);
+    tensors.add_slope(name, out);
+    width = out;
+  }
+  if (!config.query_channels.empty()) width += add_query_layers(tensors, config);
+  for (int level = levels - 2; level >= 0; --level) {
+    const std::string name = numbered("decoder", level);
+    const int out = channels[std::size_t(level)];
+    tensors.add(name + ".conv.weight", {width, out, 3, 3});  // as conv_transpose2d takes it
+    tensors.add(name + ".conv.bias", {out});
+    tensors.add_norm(name, out);
+    tensors.add_slope(name, out);
+    width = 2 * out;
+  }
+  tensors.add_conv("join", finest, width);
+  tensors.add_slope("join", finest);
+  tensors.add_conv("output", 3, finest);
+}
+
 }  // namespace
 
 std::string_view architecture_name(Architecture architecture) {
-  return architecture == Architecture::kSuperres ? "superres" : "blend";
+  switch (architecture) {
+    case Architecture::kSuperres:
+      return "superres";
+    case Architecture::kBlend:
+      return "blend";
+    case Architecture::kXu:
+      return "xu";
+    case Architecture::kXuAdaptive:
+      return "xu_adaptive";
+    case Architecture::kMeka:
+      break;
+  }
+  return "meka";
+}
+
+bool has_sharpness(Architecture architecture) {
+  return architecture != Architecture::kXu && architecture != Architecture::kMeka;
 }
 
 NetworkConfig network_preset(const std::string& name) {
@@ -165,7 +233,16 @@ NetworkConfig network_preset(const std::string& name) {
   if (name == "small") return {.channels = {16, 32, 64, 128, 192}, .query_channels = {32, 64, 128}};
   if (name == "paper") return {.channels = {32, 64, 128, 256, 512, 512, 512}, .query_channels = {32, 128, 512}};
   if (name == "blend") return {.architecture = Architecture::kBlend, .channels = {16, 32, 64, 96, 128}};
-  throw core::UsageError("there is no network preset '" + name + "'; presets are: tiny small paper blend");
+  if (name == "xu" || name == "xu_adaptive") {
+    return {.architecture = name == "xu" ? Architecture::kXu : Architecture::kXuAdaptive,
+            .channels = {24, 48, 96, 160, 224},
+            .query_channels = {32, 128}};
+  }
+  if (name == "meka") {
+    return {.architecture = Architecture::kMeka, .neighbours = kGradients, .channels = {24, 48, 96, 160, 224}};
+  }
+  throw core::UsageError("there is no network preset '" + name +
+                         "'; presets are: tiny small paper blend xu xu_adaptive meka");
 }
 
 std::vector<TensorInfo> network_tensors(const NetworkConfig& config) {
@@ -173,11 +250,35 @@ std::vector<TensorInfo> network_tensors(const NetworkConfig& config) {
   TensorList tensors;
   if (config.architecture == Architecture::kSuperres) {
     add_superres(tensors, config);
-  } else {
+  } else if (config.architecture == Architecture::kBlend) {
     add_blend(tensors, config);
+  } else {
+    add_u_net(tensors, config);
   }
-  tensors.add("log_sharpness", {});
+  if (has_sharpness(config.architecture)) tensors.add("log_sharpness", {});
   return std::move(tensors.all);
+}
+
+double flop_per_pixel(const NetworkConfig& config) {
+  const bool superres = config.architecture == Architecture::kSuperres,
+             blend = config.architecture == Architecture::kBlend;
+  double sum = 0;
+  for (const TensorInfo& tensor : network_tensors(config)) {
+    const std::string_view name = tensor.name;
+    // inject and the coarser outputs serve training alone.
+    if (tensor.shape.size() != 4 || name.starts_with("inject")) continue;
+    const auto dot = name.find('.');
+    const int level = std::isdigit(static_cast<unsigned char>(name[dot + 1])) ? name[dot + 1] - '0' : 0;
+    const bool encoder = name.starts_with("encoder"), decoder = name.starts_with("decoder");
+    if (name.starts_with("output") && level > 0) continue;
+    // Decoders are counted by the pixels that they read, all others by those that they write.
+    const double pixels = std::pow(0.25, level + (decoder || (superres && encoder) ? 1 : 0));
+    const bool each_image = superres ? encoder
+                            : blend  ? encoder || name.starts_with("head.neighbour") || name.starts_with("head.logit")
+                                    : config.architecture == Architecture::kXuAdaptive && name.starts_with("encoder.0");
+    sum += 2 * double(value_count(tensor)) * pixels * (each_image ? config.neighbours : 1);
+  }
+  return sum;
 }
 
 std::string config_to_json(const NetworkConfig& config) {
@@ -194,15 +295,19 @@ NetworkConfig config_from_json(const std::string& json) {
   NetworkConfig config;
   try {
     const Json parsed = Json::parse(json);
-    const auto one_of = [&](const char* key, const std::string& first, const std::string& second) {
+    // The place of the text under a key among those allowed.
+    const auto one_of = [&](const char* key, const std::vector<std::string>& allowed) {
       const auto name = parsed.at(key).get<std::string>();
-      if (name != first && name != second) {
-        throw core::BadInput("network configuration: " + std::string(key) + " is '" + name + "', must be " + first +
-                             " or " + second);
+      const auto found = std::find(allowed.begin(), allowed.end(), name);
+      if (found == allowed.end()) {
+        throw core::BadInput("network configuration: " + std::string(key) + " is '" + name + "', must be " +
+                             core::joined(allowed, " or "));
       }
-      return name == first;
+      return std::size_t(found - allowed.begin());
     };
-    config.architecture = one_of("architecture", "superres", "blend") ? Architecture::kSuperres : Architecture::kBlend;
+    std::vector<std::string> architectures;
+    for (const Architecture architecture : kArchitectures) architectures.emplace_back(architecture_name(architecture));
+    config.architecture = kArchitectures[one_of("architecture", architectures)];
     // The parser would make whole numbers of others by cutting off what does not fit.
     const auto whole = [](const char* key, const Json& number) {
       if (!number.is_number_unsigned() || number.get<std::uint64_t>() > std::uint64_t(kMaxChannels)) {
@@ -220,7 +325,7 @@ NetworkConfig config_from_json(const std::string& json) {
     config.channels = list("channels");
     config.query_channels = list("query_channels");
     config.sharpness = parsed.at("sharpness").get<double>();
-    config.pooling = one_of("pooling", "alias_free", "average") ? Pooling::kAliasFree : Pooling::kAverage;
+    config.pooling = one_of("pooling", {"alias_free", "average"}) == 0 ? Pooling::kAliasFree : Pooling::kAverage;
   } catch (const Json::exception&) {
     throw core::BadInput(
         "network configuration: needs architecture, neighbours, channels, query_channels, sharpness and pooling");

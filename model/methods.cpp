@@ -147,6 +147,26 @@ const std::vector<Entry>& entries() {
                  megabytes_knob("--spill-mb", "temporary file for encoded images that do not fit there, MiB",
                                 [](MethodOptions& options) -> std::size_t& { return options.network.spill_bytes; })}},
        .make = make_network<Architecture::kSuperres>},
+
+      {.info = {.name = "xu",
+                .summary = "a network that draws the picture from the same 8 lights for every query, which training "
+                           "chose; for capturing with few lights",
+                .citation = "Xu et al. 2018, Deep image-based relighting from optimal sparse samples",
+                .knobs = {model_knob("")}},
+       .make = make_network<Architecture::kXu>},
+
+      {.info = {.name = "xu_adaptive",
+                .summary = "the same network given the lights nearest to the query, pooled so that it does not jump; a "
+                           "baseline for superres",
+                .citation = "Xu et al. 2018, Deep image-based relighting from optimal sparse samples",
+                .knobs = {model_knob("")}},
+       .make = make_network<Architecture::kXuAdaptive>},
+
+      {.info = {.name = "meka",
+                .summary = "a network that draws the picture from two colour gradients, summed of all lights; a baseline",
+                .citation = "Meka et al. 2019, Deep reflectance fields",
+                .knobs = {model_knob("")}},
+       .make = make_network<Architecture::kMeka>},
   };
   return all;
 }

@@ -47,7 +47,7 @@ struct MethodInfo {
   std::vector<Knob> knobs;
 };
 
-// nearest, linear, barycentric, rbf, bspline, fuchs, photometric_stereo, blend, superres; in this order.
+// nearest, linear, barycentric, rbf, bspline, fuchs, photometric_stereo, blend, superres, xu, xu_adaptive, meka; in this order.
 const std::vector<MethodInfo>& methods();
 
 // Throws UsageError for a name that does not exist (with the nearest one, and all).
@@ -60,7 +60,7 @@ struct MethodOptions {
   std::optional<double> sharpness;  // s of linear; default_sharpness of the scan's spacing otherwise
   RadialBasis rbf;
   NetworkOptions network;            // of superres
-  std::filesystem::path model_file;  // checkpoint for blend and superres
+  std::filesystem::path model_file;  // checkpoint for methods that are networks
 };
 
 // Throws UsageError as method_info and for a network without model file or with another network's, BadInput for a checkpoint that cannot be used.

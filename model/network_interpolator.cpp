@@ -11,6 +11,7 @@
 #include "model/net/blend_network.h"
 #include "model/net/network_file.h"
 #include "model/net/pixels.h"
+#include "model/net/u_net_interpolator.h"
 
 namespace lightstage::model {
 namespace {
@@ -77,8 +78,11 @@ std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatSca
          .storage = options.bfloat16 || options.half_storage ? Number::kFloat16 : Number::kFloat32,
          .budget = {.memory_bytes = options.cache_bytes, .spill_bytes = options.spill_bytes}});
   }
-  return std::make_unique<BlendInterpolator>(
-      scan, std::unique_ptr<const BlendNetwork>(static_cast<const BlendNetwork*>(network.release())));
+  if (dynamic_cast<const BlendNetwork*>(network.get())) {
+    return std::make_unique<BlendInterpolator>(
+        scan, std::unique_ptr<const BlendNetwork>(static_cast<const BlendNetwork*>(network.release())));
+  }
+  return make_u_net_interpolator(scan, std::move(network));
 }
 
 }  // namespace lightstage::model

@@ -1,4 +1,4 @@
-// A trained network as a LightInterpolator (docs/model.md draws both networks).
+// A trained network as a LightInterpolator (docs/model.md draws the networks).
 #pragma once
 
 #include <cstddef>
@@ -24,9 +24,10 @@ struct NetworkOptions {
   std::size_t spill_bytes = 0;
 };
 
-// Reads the checkpoint (model/checkpoint.h) once; the method is named as its architecture. A query takes the nearest lights, fewer than asked for
-// where the scan has fewer. Outside the mask's bounding box the picture is that of thin-plate interpolation for blend, of linear blending
-// for superres. Throws BadInput for a checkpoint that is missing, damaged or of another version.
+// Reads the checkpoint (model/checkpoint.h) once; the method is named as its architecture. A query takes the nearest lights, fewer than
+// asked for where the scan has fewer; in xu always the lights that it chose, in meka all of them. Outside the mask's bounding box
+// the picture is that of thin-plate interpolation for blend, of linear blending for all others. Throws BadInput for a checkpoint
+// that is missing, damaged or of another version.
 std::unique_ptr<LightInterpolator> make_network_interpolator(const core::OlatScan& scan,
                                                              const std::filesystem::path& checkpoint,
                                                              const NetworkOptions& options = {});

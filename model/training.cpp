@@ -19,6 +19,7 @@
 #include "core/text.h"
 #include "core/version.h"
 #include "model/net/adam.h"
+#include "model/net/light_selection.h"
 #include "model/net/loss_curve.h"
 #include "model/net/network.h"
 #include "model/net/network_file.h"
@@ -90,8 +91,9 @@ class Run {
         settings_(training_settings(data_description, options)),
         network_(first_network(options)),
         optimiser_(parameter_groups(*network_), torch::optim::AdamOptions(learning_rate(options)).eps(1e-7)),
-        data_(make_data(network_->size_multiple())) {
-    if (options.sharpness_rate == 0) network_->parameter("log_sharpness").set_requires_grad(false);
+        data_(make_data(network_->training_size_multiple())) {
+    if (options.sharpness_rate == 0 && has_sharpness(options.config.architecture))
+      network_->parameter("log_sharpness").set_requires_grad(false);
   }
 
   TrainReport train();
@@ -118,6 +120,11 @@ class Run {
   double fraction() const;
   // Level of the pictures that are trained now; 0 when the network does not grow.
   double position() const;
+  // A model that is trained on keeps its lights.
+  bool selects() const { return options_.config.architecture == Architecture::kXu && !options_.start_from; }
+  // How sharply xu chooses among lights now; nothing once they are chosen.
+  std::optional<double> selection() const;
+  Loss loss(const Example& example) const;
   void save();
   // The same when something was thrown, which matters more than a failure to save.
   void save_unfinished() noexcept;
@@ -175,14 +182,21 @@ double Run::fraction() const {
   return used;
 }
 
+std::optional<double> Run::selection() const {
+  return selects() ? selection_sharpness(fraction()) : std::nullopt;
+}
+
 double Run::position() const {
+  if (selection()) return kSelectionLevel;
   return trains_progressively(options_) ? level_position(fraction(), int(options_.config.channels.size())) : 0;
 }
 
 void Run::set_learning_rates() {
   const double warm_up = std::min(1.0, double(state_.step + 1) / kWarmUpSteps);
   // A level that is trained in the last stage only must not find a rate that has decayed before.
-  const double decaying = trains_progressively(options_) ? last_stage(position()) : std::min(1.0, fraction());
+  const double decaying = trains_progressively(options_) ? last_stage(position())
+                          : selects()                    ? after_selection(fraction())
+                                                         : std::min(1.0, fraction());
   const double decay = 0.01 + 0.99 * 0.5 * (1 + std::cos(std::numbers::pi * decaying));
   auto& groups = optimiser_.param_groups();
   for (std::size_t i = 0; i < groups.size(); ++i) {
@@ -191,11 +205,16 @@ void Run::set_learning_rates() {
   }
 }
 
+Loss Run::loss(const Example& example) const {
+  if (trains_progressively(options_)) return progressive_loss(*network_, example, position());
+  if (const auto sharpness = selection()) return selection_loss(*network_, example, *sharpness);
+  return training_loss(*network_, example);
+}
+
 bool Run::step() {
   set_learning_rates();
   const Example example = data_->training_draw(state_.step);
-  const Loss loss = trains_progressively(options_) ? progressive_loss(*network_, example, position())
-                                                   : training_loss(*network_, example);
+  const Loss loss = this->loss(example);
   std::vector<Tensor> parameters;
   for (const auto& entry : network_->parameters()) {
     parameters.push_back(entry.second);
@@ -296,7 +315,8 @@ void Run::show(core::Progress& progress, std::size_t& shown, std::size_t total) 
   const auto now = static_cast<std::size_t>(std::min(1.0, fraction()) * double(total));
   if (now > shown) progress.advance(now - shown);
   shown = std::max(shown, now);
-  const std::string level = trains_progressively(options_) ? ", level " + core::number_text(position(), 2) : "";
+  const std::string level =
+      trains_progressively(options_) || selection() ? ", level " + core::number_text(position(), 2) : "";
   progress.set_status("step " + std::to_string(state_.step) + level + ", loss " + core::number_text(last_loss_, 3) +
                       ", validation " + core::number_text(state_.best_validation, 4) + " (rbf " +
                       core::number_text(state_.guide_validation, 4) + ")");

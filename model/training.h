@@ -29,13 +29,14 @@ struct TrainOptions {
   std::uint64_t seed = 1;
   int crop = 96;        // pixels; smaller images are taken whole
   int candidates = 16;  // m of ActiveSetChoice::kRandom
-  // On captured scans; by default random for superres, as published, and thinned for blend. Simulated views take the nearest.
+  // On captured scans; by default random for superres, as published, and thinned for blend and xu_adaptive. Simulated views take the nearest. xu and meka,
+  // which have no active set, take kNaive only.
   std::optional<ActiveSetChoice> active_set;
-  // From coarse pictures to fine ones (model/net/progressive.h). By default on for superres that starts untrained, else off; blend has no
+  // From coarse pictures to fine ones (model/net/progressive.h). By default on for superres that starts untrained, else off; the others have no
   // coarse pictures.
   std::optional<bool> progressive;
-  // Of Adam; by default 1e-3 for superres, as published, and 2e-3 for blend, a tenth of that with `start_from`. Decays to 1/100 along a cosine over the
-  // budget, in progressive training over the last stage.
+  // Of Adam; by default 1e-3, as published for superres, and 2e-3 for blend, a tenth of that with `start_from`. Decays to 1/100 along a cosine over the
+  // budget, in progressive training over the last stage, for xu over what is left when its lights are chosen.
   std::optional<double> learning_rate;
   // Of ln s, as a factor of the rate of all else; at 1 it unsettles training, 0 freezes s.
   double sharpness_rate = 0.1;
@@ -90,9 +91,12 @@ struct SimulatedViews {
   std::function<TruthView(std::size_t index)> make;
 };
 
+// xu chooses its lights in the first third of the budget, on pictures a quarter of the size (model/net/light_selection.h); then, or from the start with
+// `start_from`, they stand firm, and the rest of the network is trained at full size.
+//
 // Query and truth are one captured light; its active set never holds it, nor any light in its place, as no capture stands where a user
 // will ask. About one light in sixteen is never a truth, for validation. Random crops inside the mask's bounding box; the loss is masked
-// L1, for blend plus 4 times the masked squared error (pictures are judged by its root), of display-encoded values up to 2; Adam
+// L1, for all but superres plus 4 times the masked squared error (pictures are judged by its root), of display-encoded values up to 2; Adam
 // (0.9, 0.999, 1e-7). Writes the best checkpoint by validation to `out` (atomically; first the untrained one, then at every
 // validation that improves); at every validation the current one to last_checkpoint_path(out), the optimiser's state to OUT.state for
 // resuming, and the curve to OUT.csv and OUT.png. A resumed run counts the steps and the time of the runs before it into its budget. Bit-equal for a seed and step budget on one thread, resumed or

@@ -5,6 +5,7 @@
 #include "core/progress.h"
 #include "core/sphere.h"
 #include "model/classical/radial_basis.h"
+#include "model/colour_gradients.h"
 #include "model/net/draws.h"
 #include "model/net/network.h"
 #include "model/net/scan_tensors.h"
@@ -16,6 +17,7 @@ namespace {
 
 using torch::Tensor;
 
+constexpr double kGamma = 2.2;
 constexpr double kSamePlace = 1e-4;  // radians, as for the thin-plate weights
 constexpr std::size_t kGuideLights =
     256;  // farther ones weigh next to nothing, and the system is cubic in their number
@@ -52,6 +54,7 @@ class CapturedScan {
  private:
   void choose_neighbours(int candidates);
   void interpolate_guides(core::Progress& progress);
+  Tensor gradients_without(std::size_t light, const Tensor& picture, const Window& window) const;
   std::vector<std::size_t> thinned_lights(std::size_t light, std::size_t at_least, std::mt19937_64& random) const;
 
   std::vector<core::Direction> directions_;
@@ -61,6 +64,8 @@ class CapturedScan {
   std::vector<std::vector<std::size_t>> candidates_;
   std::unique_ptr<const ScanTensors> tensors_;
   Tensor guides_;  // [lights, 3, h, w]; not for thinned stages, which have their own
+  Tensor gradients_;
+  std::array<std::vector<core::Vec3>, 2> gradient_weights_;
 };
 
 CapturedScan::CapturedScan(const core::OlatScan& scan, const TrainOptions& options, int multiple)
@@ -84,6 +89,10 @@ CapturedScan::CapturedScan(const core::OlatScan& scan, const TrainOptions& optio
   core::Progress progress("preparing '" + scan.name() + "'", thinned ? lights : 2 * lights);
   tensors_ = std::make_unique<const ScanTensors>(scan, multiple, [&] { progress.advance(); });
   if (!thinned) interpolate_guides(progress);
+  if (options.config.architecture == Architecture::kMeka) {
+    gradients_ = gradient_pictures(scan, *tensors_);
+    gradient_weights_ = colour_gradient_weights(directions_);
+  }
 }
 
 void CapturedScan::choose_neighbours(int candidates) {
@@ -122,7 +131,28 @@ Example CapturedScan::example(std::size_t light, const std::vector<std::size_t>&
   example.guide = pictures(guides_, {light}, window);
   example.truth = pictures(tensors_->displays(), {light}, window);
   example.mask = cut(tensors_->mask(), window).unsqueeze(0);
+  for (const std::size_t other : apart_[light]) example.stage.lights.push_back(directions_[other]);
+  example.stage.pictures = [this, light, window](const std::vector<std::size_t>& others) {
+    std::vector<std::size_t> indices;
+    for (const std::size_t other : others) indices.push_back(apart_[light][other]);
+    return pictures(tensors_->displays(), indices, window);
+  };
+  if (gradients_.defined()) example.gradients = gradients_without(light, example.truth, window);
   return example;
+}
+
+// The query's own light must not be part of what its picture is made from.
+Tensor CapturedScan::gradients_without(std::size_t light, const Tensor& picture, const Window& window) const {
+  std::vector<float> shares;
+  for (const std::vector<core::Vec3>& gradient : gradient_weights_) {
+    const core::Vec3 share = gradient[light];
+    shares.insert(shares.end(), {float(share.x), float(share.y), float(share.z)});
+  }
+  const Tensor own = torch::tensor(shares).view({2, 3, 1, 1}) * picture.pow(kGamma);
+  return (pictures(gradients_, {0, 1}, window).pow(kGamma) - own)
+      .clamp_min(0)
+      .pow(1 / kGamma)
+      .contiguous(at::MemoryFormat::ChannelsLast);
 }
 
 // As many of the lights around one, in another place than it, as can stand 1.4 to 2 spacings apart when they are tried in random order; nearest first.

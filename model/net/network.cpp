@@ -8,7 +8,9 @@
 
 #include "model/alias_free_weights.h"
 #include "model/net/blend_network.h"
+#include "model/net/meka_network.h"
 #include "model/net/superres_network.h"
+#include "model/net/xu_network.h"
 
 namespace lightstage::model {
 namespace {
@@ -79,7 +81,7 @@ ActiveSet Network::active_set(const core::Direction& query, std::span<const core
   set.offsets = to_tensor(offsets).view({-1, 3});
 
   const auto k = std::int64_t(directions.size());
-  if (config_.pooling == Pooling::kAverage) {
+  if (config_.pooling == Pooling::kAverage || !has_sharpness(config_.architecture)) {
     set.weights = torch::full({k}, 1 / float(k));
     return set;
   }
@@ -96,8 +98,19 @@ ActiveSet Network::active_set(const core::Direction& query, std::span<const core
 }
 
 std::unique_ptr<Network> make_network(const NetworkConfig& config, std::uint64_t seed) {
-  if (config.architecture == Architecture::kBlend) return std::make_unique<BlendNetwork>(config, seed);
-  return std::make_unique<SuperresNetwork>(config, seed);
+  switch (config.architecture) {
+    case Architecture::kSuperres:
+      return std::make_unique<SuperresNetwork>(config, seed);
+    case Architecture::kBlend:
+      return std::make_unique<BlendNetwork>(config, seed);
+    case Architecture::kXu:
+      return std::make_unique<XuNetwork>(config, seed);
+    case Architecture::kXuAdaptive:
+      return std::make_unique<XuAdaptiveNetwork>(config, seed);
+    case Architecture::kMeka:
+      break;
+  }
+  return std::make_unique<MekaNetwork>(config, seed);
 }
 
 }  // namespace lightstage::model

@@ -39,6 +39,8 @@ class Network {
 
   // Heights and widths must be multiples of this.
   virtual int size_multiple() const = 0;
+  // The same in training, which may look at smaller pictures.
+  virtual int training_size_multiple() const { return size_multiple(); }
 
   // `active` indexes `lights`; `spacing` is that of the scan, in radians. The weights are differentiable in log_sharpness.
   ActiveSet active_set(const core::Direction& query, std::span<const core::Direction> lights,

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "core/interrupt.h"
+#include "model/colour_gradients.h"
 #include "model/net/network.h"
 
 namespace lightstage::model {
@@ -63,6 +64,11 @@ Tensor weighted_pictures(const Tensor& weights, const Tensor& displays) {
     result.narrow(2, y, rows).copy_(sums.view({-1, rows, width, 3}).permute({0, 3, 1, 2}));
   }
   return result;
+}
+
+Tensor gradient_pictures(const core::OlatScan& scan, const ScanTensors& tensors) {
+  const auto gradients = colour_gradients(scan);
+  return tensors.stack(gradients.size(), [&](std::size_t i) { return to_display(gradients[i], scan.exposure()); });
 }
 
 }  // namespace lightstage::model

@@ -42,4 +42,7 @@ torch::Tensor pictures(const torch::Tensor& stack, const std::vector<std::size_t
 // Sums of a scan's pictures, one a row of weights [n, lights]: [n, 3, h, w], half precision, limited likewise.
 torch::Tensor weighted_pictures(const torch::Tensor& weights, const torch::Tensor& displays);
 
+// The colour gradients of a scan (model/colour_gradients.h), cut and limited likewise: [2, 3, h, w].
+torch::Tensor gradient_pictures(const core::OlatScan& scan, const ScanTensors& tensors);
+
 }  // namespace lightstage::model

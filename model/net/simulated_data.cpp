@@ -22,8 +22,9 @@ constexpr int kDrawsPerValidationView = 8;
 
 class View {
  public:
-  View(const TruthView& view, std::size_t neighbours, int multiple)
+  View(const TruthView& view, const NetworkConfig& config, int multiple)
       : queries_(view.queries),
+        stage_(view.scan.directions()),
         spacing_(core::median_spacing_radians(view.scan.directions())),
         tensors_(view.scan, multiple) {
     const std::vector<core::Direction>& lights = view.scan.directions();
@@ -33,7 +34,7 @@ class View {
       const std::vector<double> row = interpolation(queries_[i]);
       std::transform(row.begin(), row.end(), weights.data_ptr<float>() + i * row.size(),
                      [](double w) { return float(w); });
-      active_.push_back(core::nearest_indices(lights, queries_[i], neighbours));
+      active_.push_back(core::nearest_indices(lights, queries_[i], std::size_t(config.neighbours)));
       std::vector<core::Direction> directions;
       for (const std::size_t light : active_.back()) directions.push_back(lights[light]);
       lights_.push_back(std::move(directions));
@@ -41,6 +42,7 @@ class View {
     guides_ = weighted_pictures(weights, tensors_.displays());
     const double exposure = view.scan.exposure();
     truth_ = tensors_.stack(queries_.size(), [&](std::size_t i) { return to_display(view.truth[i], exposure); });
+    if (config.architecture == Architecture::kMeka) gradients_ = gradient_pictures(view.scan, tensors_);
   }
 
   Example example(std::size_t query, std::uint64_t anchor, int crop) const {
@@ -53,31 +55,46 @@ class View {
     example.guide = pictures(guides_, {query}, window);
     example.truth = pictures(truth_, {query}, window);
     example.mask = cut(tensors_.mask(), window).unsqueeze(0);
+    example.stage = {stage_, [this, window](const std::vector<std::size_t>& lights) {
+                       return pictures(tensors_.displays(), lights, window);
+                     }};
+    if (gradients_.defined()) example.gradients = pictures(gradients_, {0, 1}, window);
     return example;
   }
 
   std::size_t queries() const { return queries_.size(); }
 
  private:
-  std::vector<core::Direction> queries_;
+  std::vector<core::Direction> queries_, stage_;
   double spacing_;
   ScanTensors tensors_;
   std::vector<std::vector<std::size_t>> active_;
   std::vector<std::vector<core::Direction>> lights_;
-  Tensor guides_, truth_;
+  Tensor guides_, truth_, gradients_;
 };
 
 core::Direction mirrored(const core::Direction& d) {
   return core::Direction::from_vector({-d.x(), d.y(), d.z()});
 }
 
+Tensor mirrored(const Tensor& pictures) {
+  return pictures.flip(3).contiguous(at::MemoryFormat::ChannelsLast);
+}
+
 // The same subject seen in a mirror: left is right, of pictures and of lights.
 Example mirrored(Example example) {
-  for (Tensor* tensor : {&example.images, &example.guide, &example.truth, &example.mask}) {
-    *tensor = tensor->flip(3).contiguous(at::MemoryFormat::ChannelsLast);
-  }
+  for (Tensor* tensor : {&example.images, &example.guide, &example.truth, &example.mask}) *tensor = mirrored(*tensor);
   example.query = mirrored(example.query);
   for (core::Direction& light : example.lights) light = mirrored(light);
+  for (core::Direction& light : example.stage.lights) light = mirrored(light);
+  example.stage.pictures = [pictures = std::move(example.stage.pictures)](const std::vector<std::size_t>& lights) {
+    return mirrored(pictures(lights));
+  };
+  if (example.gradients.defined()) {
+    // What grows to the right, red, changes places with what grows to the left.
+    const Tensor& seen = example.gradients;
+    example.gradients = mirrored(torch::cat({seen.flip(0).narrow(1, 0, 1), seen.narrow(1, 1, 2)}, 1));
+  }
   return example;
 }
 
@@ -86,7 +103,7 @@ class SimulatedData : public TrainingData {
   SimulatedData(const SimulatedViews& views, const TrainOptions& options, int multiple)
       : source_(views),
         seed_(options.seed),
-        neighbours_(std::size_t(options.config.neighbours)),
+        config_(options.config),
         crop_(std::max(options.crop / multiple, 1) * multiple),
         multiple_(multiple) {
     if (views.count <= kValidationViews) {
@@ -122,12 +139,12 @@ class SimulatedData : public TrainingData {
   const View& view(std::size_t index) {
     const auto found = views_.find(index);
     if (found != views_.end()) return found->second;
-    return views_.try_emplace(index, source_.make(index), neighbours_, multiple_).first->second;
+    return views_.try_emplace(index, source_.make(index), config_, multiple_).first->second;
   }
 
   SimulatedViews source_;
   std::uint64_t seed_;
-  std::size_t neighbours_;
+  NetworkConfig config_;
   int crop_, multiple_;
   std::map<std::size_t, View> views_;
 };

@@ -3,6 +3,7 @@
 #include "model/net/layers.h"
 #include "model/net/norm_prelu.h"
 #include "model/net/transposed_convolution.h"
+#include "model/net/u_net.h"
 
 namespace lightstage::model {
 
@@ -35,21 +36,9 @@ Pyramid SuperresNetwork::pool(const Pyramid& features, const ActiveSet& set) con
   return pooled;
 }
 
-Tensor SuperresNetwork::query_features(const Tensor& query) const {
-  Tensor x = query.view({1, 3});
-  for (std::size_t layer = 0; layer < config().query_channels.size(); ++layer) {
-    const std::string name = "query." + std::to_string(layer);
-    x = torch::addmm(parameter(name + ".bias"), x, parameter(name + ".weight").t());
-    x = norm_prelu(x.view({1, -1, 1, 1}), parameter(name + ".norm.scale"), parameter(name + ".norm.shift"),
-                   parameter(name + ".slope"), /*groups=*/1)
-            .view({1, -1});
-  }
-  return x;
-}
-
 Tensor SuperresNetwork::decode(const Pyramid& pooled, const Tensor& query, int last_level) const {
   const Tensor& coarsest = pooled.back();
-  Tensor x = spread(query_features(query), 1, coarsest.size(2), coarsest.size(3));
+  Tensor x = spread(query_features(*this, query), 1, coarsest.size(2), coarsest.size(3));
   for (std::size_t i = pooled.size(); i-- > 0;) {
     const std::string name = "decoder." + std::to_string(i + std::size_t(last_level));
     x = doubling_convolution(torch::cat({x, pooled[i]}, 1), parameter(name + ".conv.weight"),

@@ -36,9 +36,6 @@ class SuperresNetwork : public Network {
   torch::Tensor predict_at(const torch::Tensor& images, const ActiveSet& set, int level) const;
 
   int levels() const { return int(config().channels.size()); }
-
- private:
-  torch::Tensor query_features(const torch::Tensor& query) const;
 };
 
 }  // namespace lightstage::model

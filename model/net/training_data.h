@@ -4,6 +4,7 @@
 #include <torch/torch.h>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -13,6 +14,13 @@
 
 namespace lightstage::model {
 
+// For networks that choose among the lights of a stage.
+struct CapturedStage {
+  std::vector<core::Direction> lights;  // in other places than the query's
+  // [n, 3, h, w], of some of them; to be asked for while the data is there.
+  std::function<torch::Tensor(const std::vector<std::size_t>& lights)> pictures;
+};
+
 struct Example {
   core::Direction query;
   std::vector<core::Direction> lights;  // the active set, k of them
@@ -21,6 +29,8 @@ struct Example {
   torch::Tensor guide;                  // [1, 3, h, w], thin-plate interpolation over all lights but the query's
   torch::Tensor truth;                  // [1, 3, h, w]
   torch::Tensor mask;                   // [1, 1, h, w], 0 or 1
+  CapturedStage stage;                  // not with thinned active sets
+  torch::Tensor gradients;  // [2, 3, h, w], model/colour_gradients.h without the query's own light; for meka only
 };
 
 // Draw number n is the same for a seed whatever was drawn before, so that a resumed run needs to know only how far it had come.

@@ -15,6 +15,11 @@ bool superres(const TrainOptions& options) {
   return options.config.architecture == Architecture::kSuperres;
 }
 
+// Whether it is made from an active set, which xu and meka are not.
+bool pools(const TrainOptions& options) {
+  return has_sharpness(options.config.architecture);
+}
+
 std::string name_of(ActiveSetChoice choice) {
   if (choice == ActiveSetChoice::kRandom) return "random";
   return choice == ActiveSetChoice::kNaive ? "naive" : "thinned";
@@ -36,11 +41,13 @@ bool trains_progressively(const TrainOptions& options) {
 double learning_rate(const TrainOptions& options) {
   // What a model has learned is not to be lost to the first steps on other data.
   const double adapting = options.start_from ? 0.1 : 1;
-  return options.learning_rate.value_or(adapting * (superres(options) ? 1e-3 : 2e-3));
+  const bool blend = options.config.architecture == Architecture::kBlend;
+  return options.learning_rate.value_or(adapting * (blend ? 2e-3 : 1e-3));
 }
 
 ActiveSetChoice active_set_choice(const TrainOptions& options) {
-  return options.active_set.value_or(superres(options) ? ActiveSetChoice::kRandom : ActiveSetChoice::kThinned);
+  if (superres(options)) return options.active_set.value_or(ActiveSetChoice::kRandom);
+  return options.active_set.value_or(pools(options) ? ActiveSetChoice::kThinned : ActiveSetChoice::kNaive);
 }
 
 void check(const TrainOptions& options) {
@@ -60,8 +67,11 @@ void check(const TrainOptions& options) {
           "the sharpness rate must be a number >= 0");
   require(options.validate_every > 0, "the steps between validations must be > 0");
   require(options.early_stop >= 0, "the validations before an early stop must be >= 0");
+  const std::string name(architecture_name(options.config.architecture));
   require(superres(options) || !trains_progressively(options),
-          "blend is not trained progressively: it has no coarse pictures");
+          name + " is not trained progressively: it has no coarse pictures");
+  require(pools(options) || active_set_choice(options) == ActiveSetChoice::kNaive,
+          name + " looks at the same pictures for every query: there is no active set to choose");
 }
 
 Json training_settings(const Json& data, const TrainOptions& options) {

@@ -84,7 +84,7 @@ TEST_CASE("tensors come back as they were, in any order and shape") {
 }
 
 TEST_CASE("presets are valid, and others are refused") {
-  for (const char* name : {"tiny", "small", "paper", "blend"})
+  for (const char* name : {"tiny", "small", "paper", "blend", "xu", "xu_adaptive", "meka"})
     CHECK(!model::network_tensors(model::network_preset(name)).empty());
   CHECK_THROWS_AS(model::network_preset("huge"), core::UsageError);
   const auto with = [](const auto& change) {
@@ -95,11 +95,55 @@ TEST_CASE("presets are valid, and others are refused") {
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.query_channels = {}; })), core::BadInput);
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.architecture = model::Architecture::kBlend; })),
                   core::BadInput);
+  for (const auto architecture : {model::Architecture::kXu, model::Architecture::kXuAdaptive}) {
+    CHECK_NOTHROW(model::network_tensors(with([&](auto& c) { c.architecture = architecture; })));
+    CHECK_THROWS_WITH(model::network_tensors(with([&](auto& c) {
+                        c.architecture = architecture;
+                        c.query_channels = {};
+                      })),
+                      Contains("needs 1 to 8 query_channels"));
+    CHECK_THROWS_WITH(model::network_tensors(with([&](auto& c) {
+                        c.architecture = architecture;
+                        c.pooling = model::Pooling::kAverage;
+                      })),
+                      Contains("alias_free"));
+  }
+  const auto meka = [&](int neighbours, std::vector<int> query_channels) {
+    return with([&](auto& c) {
+      c.architecture = model::Architecture::kMeka;
+      c.neighbours = neighbours;
+      c.query_channels = query_channels;
+    });
+  };
+  CHECK_NOTHROW(model::network_tensors(meka(2, {})));
+  CHECK_THROWS_WITH(model::network_tensors(meka(8, {})), Contains("neighbours must be 2"));
+  CHECK_THROWS_WITH(model::network_tensors(meka(2, {4})), Contains("meka has no query_channels"));
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.neighbours = 0; })), core::BadInput);
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.channels = {}; })), core::BadInput);
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.channels = {6}; })), core::BadInput);
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.channels = {1 << 30}; })), core::BadInput);
   CHECK_THROWS_AS(model::network_tensors(with([](auto& c) { c.sharpness = 0; })), core::BadInput);
+}
+
+TEST_CASE("a network's operations are those counted by hand") {
+  using model::Architecture;
+  // superres, k = 3: encoders 6 -> 4 at 1/4 and 4 -> 8 at 1/16 of the pixels, for each image; decoders (4 + 8) -> 4 from 1/16, (4 + 4) -> 4 from
+  // 1/4; 4 -> 3 at full size. Nine taps, two operations.
+  const double superres = 18 * (3 * (24 / 4.0 + 32 / 16.0) + 48 / 16.0 + 32 / 4.0 + 12);
+  CHECK(model::flop_per_pixel(kConfig) == Approx(superres));
+  // 24 of xu's channels come from 4 images and their lights: 24 -> 4, 4 -> 8 at 1/4; (8 + 4) -> 4 from 1/4; 8 -> 4, 4 -> 3.
+  model::NetworkConfig config{
+      .architecture = Architecture::kXu, .neighbours = 4, .channels = {4, 8}, .query_channels = {4}};
+  CHECK(model::flop_per_pixel(config) == Approx(18 * (96 + 32 / 4.0 + 48 / 4.0 + 32 + 12)));
+  config.architecture = Architecture::kXuAdaptive;  // 6 -> 4 four times
+  CHECK(model::flop_per_pixel(config) == Approx(18 * (96 + 32 / 4.0 + 48 / 4.0 + 32 + 12)));
+  config = {.architecture = Architecture::kMeka, .neighbours = 2, .channels = {4, 8}};
+  CHECK(model::flop_per_pixel(config) == Approx(18 * (36 + 32 / 4.0 + 32 / 4.0 + 32 + 12)));
+  // blend, k = 2: as its drawing in docs/model.md says.
+  config = {.architecture = Architecture::kBlend, .neighbours = 2, .channels = {4, 8}};
+  const double ones = 2 * (2 * 16 * 7 + 16 * 8 + 2 * 16);  // of the head
+  CHECK(model::flop_per_pixel(config) ==
+        Approx(18 * (2 * (24 + 32 / 4.0) + 16 * 16 / 4.0 + 12 + 16 * 8 + 3 * 8) + ones));
 }
 
 TEST_CASE("a checkpoint cut short anywhere is refused") {
@@ -178,6 +222,7 @@ TEST_CASE("checkpoints of other programs, versions and shapes are refused") {
            ",\"sharpness\":" + sharpness + ",\"pooling\":\"" + pooling + "\"}";
   };
   CHECK_THAT(with("config", config("[4,8]", "1", "median")), Contains("pooling is 'median'"));
+  CHECK_THAT(with("config", R"({"architecture":"yu"})"), Contains("'yu', must be superres or blend or xu or"));
   CHECK_THAT(with("format", "pt"), Contains("not a checkpoint of this program"));
   CHECK_THAT(with("version", "1"), Contains("version '1'"));
   CHECK_THAT(with("config", "{"), Contains("configuration"));

@@ -129,14 +129,18 @@ double largest_jump(const model::Network& network, const Stage& stage, double st
   return jump;
 }
 
-std::vector<model::NetworkConfig> both_networks() {
-  return {model::network_preset("tiny"), model::network_preset("blend")};
+// All that look at an active set.
+std::vector<model::NetworkConfig> pooling_networks() {
+  return {model::network_preset("tiny"),
+          model::network_preset("blend"),
+          {.architecture = Architecture::kXuAdaptive, .channels = {8, 12, 16}, .query_channels = {8, 16}}};
 }
 
 // Small ones, where it is the number of cases that counts.
 std::vector<model::NetworkConfig> small_networks() {
   return {{.neighbours = 8, .channels = {8, 12}, .query_channels = {8, 16}},
-          {.architecture = Architecture::kBlend, .neighbours = 8, .channels = {8, 12}}};
+          {.architecture = Architecture::kBlend, .neighbours = 8, .channels = {8, 12}},
+          {.architecture = Architecture::kXuAdaptive, .neighbours = 8, .channels = {8, 12}, .query_channels = {8}}};
 }
 
 void require_finite_gradients(const model::Network& network) {
@@ -152,7 +156,7 @@ void require_finite_gradients(const model::Network& network) {
 TEST_CASE("where the active set changes, an alias-free network's picture moves no more than its query") {
   const Stage stage(60);
   constexpr double kNoise = 1e-5;  // float32, through the whole network
-  for (const model::NetworkConfig& config : both_networks()) {
+  for (const model::NetworkConfig& config : pooling_networks()) {
     INFO(model::architecture_name(config.architecture));
     const auto network = lively_network(config);
     const double wide = largest_jump(*network, stage, 1e-2);
@@ -283,7 +287,7 @@ TEST_CASE("the gradient of the sharpness is that of the picture") {
     Tensor(log_sharpness).fill_(middle - step);
     const double below = loss().item<double>();
     CHECK(std::abs(gradient) > 1e-5);
-    CHECK(gradient == Approx((above - below) / (2 * step)).epsilon(0.05));
+    CHECK(gradient == Approx((above - below) / (2 * step)).epsilon(0.05).margin(2e-5));  // float32 in a difference
   }
 }
 

@@ -37,6 +37,11 @@ using torch::Tensor;
 const model::NetworkConfig kBlend{
     .architecture = model::Architecture::kBlend, .neighbours = 8, .channels = {4, 8, 12}, .sharpness = 4};
 const model::NetworkConfig kSuperres{.neighbours = 8, .channels = {4, 8, 12}, .query_channels = {8, 12}};
+const model::NetworkConfig kXu{
+    .architecture = model::Architecture::kXu, .neighbours = 6, .channels = {4, 8, 12}, .query_channels = {8, 12}};
+const model::NetworkConfig kXuAdaptive{
+    .architecture = model::Architecture::kXuAdaptive, .channels = {4, 8, 12}, .query_channels = {8, 12}};
+const model::NetworkConfig kMeka{.architecture = model::Architecture::kMeka, .neighbours = 2, .channels = {4, 8, 12}};
 
 // Weights as training might leave them: nothing is zero any more.
 std::unique_ptr<Network> trained_looking(const model::NetworkConfig& config) {
@@ -143,10 +148,29 @@ TEST_CASE("the picture does not jump where the active set changes, as it would w
   CHECK(largest_plain_jump > 100 * largest_jump);
 }
 
+TEST_CASE("every network's picture moves with the query and does not jump") {
+  const test::TemporaryFolder folder;
+  const core::OlatScan scan = busy_scan({8, 12, 3}, 40);
+  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres, kXu, kXuAdaptive, kMeka)));
+  const auto network = model::make_network_interpolator(scan, path);
+  const auto picture = [&](double t) {
+    return core::display_encode(
+        network->render(Direction::from_vector({std::cos(t), 0.5 * std::sin(2 * t), std::sin(t)})));
+  };
+  // Steps a hundred times as small change a picture about a hundred times as little, wherever they are: sets of lights change on the way.
+  double coarse = 0, fine = 0;
+  for (double t = 0; t < 1.5; t += 0.05) {
+    coarse = std::max(coarse, largest_difference(picture(t), picture(t + 0.01)));
+    fine = std::max(fine, largest_difference(picture(t + 0.005), picture(t + 0.0051)));
+  }
+  CHECK(coarse > 1e-5);
+  CHECK(fine < coarse / 10 + 2e-5);
+}
+
 TEST_CASE("pictures do not depend on threads or on what was asked before") {
   const test::TemporaryFolder folder;
   const core::OlatScan scan = busy_scan({37, 23, 3}, 40);
-  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres)));
+  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres, kXu, kXuAdaptive, kMeka)));
   const auto queries = core::random_directions(6, 9);
   const auto cached = model::make_network_interpolator(scan, path);
   std::vector<Image> expected;
@@ -171,7 +195,7 @@ TEST_CASE("pictures do not depend on threads or on what was asked before") {
 
 TEST_CASE("images of any size, any mask and any number of channels are rendered") {
   const test::TemporaryFolder folder;
-  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres)));
+  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres, kXu, kXuAdaptive, kMeka)));
   const Direction query = Direction::from_vector({0.2, 0.1, 1});
   for (const ImageSize size : {ImageSize{1, 1, 3}, {3, 41, 3}, {41, 3, 1}, {31, 29, 3}, {2, 2, 4}}) {
     const core::OlatScan scan = busy_scan(size, 20);
@@ -192,7 +216,7 @@ TEST_CASE(
     "outside the mask's bounding box the picture is a classical one, and a grey scan is a colour scan without "
     "colour") {
   const test::TemporaryFolder folder;
-  const auto config = GENERATE(kBlend, kSuperres);
+  const auto config = GENERATE(kBlend, kSuperres, kXu, kXuAdaptive, kMeka);
   const auto path = saved(folder, *trained_looking(config));
   Image mask(19, 23, 1);
   for (int y = 4; y < 9; ++y) {
@@ -202,9 +226,9 @@ TEST_CASE(
   const Direction query = Direction::from_vector({-0.3, 0.4, 1});
   const Image network = model::make_network_interpolator(scan, path)->render(query);
   const double spacing = core::median_spacing_radians(scan.directions());
+  const double sharpness = (config == kSuperres ? config.sharpness : 2.0) / (spacing * spacing);
   const auto classical = config == kBlend ? model::make_rbf(scan, model::Domain::kDisplay)
-                                          : model::make_linear_blend(scan, 8, config.sharpness / (spacing * spacing),
-                                                                     model::Domain::kDisplay);
+                                          : model::make_linear_blend(scan, 8, sharpness, model::Domain::kDisplay);
   const Image expected = classical->render(query);
   double outside = 0, inside = 0;
   for (int y = 0; y < 19; ++y) {
@@ -231,7 +255,7 @@ TEST_CASE(
 
 TEST_CASE("extreme pictures give finite pictures") {
   const test::TemporaryFolder folder;
-  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres)));
+  const auto path = saved(folder, *trained_looking(GENERATE(kBlend, kSuperres, kXu, kXuAdaptive, kMeka)));
   const Direction query = Direction::from_vector({0.1, 0.3, 1});
   const ImageSize size{9, 10, 3};
   const auto lights = core::fibonacci_directions(20);
@@ -300,7 +324,7 @@ TEST_CASE("blend passes a hot pixel on and leaves its surroundings alone") {
 
 TEST_CASE("a network read from its file is the network that was saved") {
   const test::TemporaryFolder folder;
-  const auto config = GENERATE(kBlend, kSuperres);
+  const auto config = GENERATE(kBlend, kSuperres, kXu, kXuAdaptive, kMeka);
   const auto network = trained_looking(config);
   const auto read = model::load_network(saved(folder, *network));
   CHECK(read->config() == config);
@@ -345,7 +369,7 @@ TEST_CASE("group normalisation with PReLU equals torch's, with its gradients, on
 TEST_CASE("the gradient of the sharpness is that of the loss, and finite at the extremes") {
   const core::OlatScan scan = busy_scan({8, 8, 3}, 60);
   const std::vector<Direction>& lights = scan.directions();
-  const auto config = GENERATE(kBlend, kSuperres);
+  const auto config = GENERATE(kBlend, kSuperres, kXuAdaptive);
   const auto loss = [&](const Network& network, const Direction& query, std::vector<std::size_t> active) {
     const model::ActiveSet set = network.active_set(query, lights, std::move(active), 0.45);
     std::vector<Tensor> displays;
