@@ -4,6 +4,7 @@
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/scans.h"
+#include "core/text.h"
 #include "model/checkpoint.h"
 
 namespace lightstage::cli {
@@ -38,7 +39,9 @@ void run_show(const std::string& file_or_name, Context& context) {
   const model::CheckpointInfo info = model::read_checkpoint_info(file);
   const ordered_json config = configuration(info.config), origin = provenance(info.provenance);
 
-  std::string text = file.string() + ": " + std::to_string(info.parameters) + " parameters\n\nconfiguration\n";
+  std::string text = file.string() + ": " + std::to_string(info.parameters) + " parameters, " +
+                     core::number_text(model::flop_per_pixel(info.config) / 1000, 4) +
+                     " thousand operations a pixel and query\n\nconfiguration\n";
   const auto add_lines = [&](const ordered_json& json) {
     if (!json.is_object()) {
       text += "  " + (json.is_string() ? json.get<std::string>() : json.dump()) + "\n";
@@ -62,6 +65,7 @@ void run_show(const std::string& file_or_name, Context& context) {
   context.result(text, {{"file", file.string()},
                         {"configuration", config},
                         {"parameters", info.parameters},
+                        {"flop_per_pixel", model::flop_per_pixel(info.config)},
                         {"tensors", tensors},
                         {"provenance", origin}});
 }

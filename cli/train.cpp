@@ -144,8 +144,9 @@ void add_train(CLI::App& program, Context& context) {
       ->required();
   CLI::Option* preset =
       command
-          ->add_option("--preset", options->preset,
-                       "Network: tiny, small or paper (superres, from small to as published), or blend")
+          ->add_option(
+              "--preset", options->preset,
+              "Network: tiny, small or paper (superres, from small to as published), blend, xu, xu_adaptive or meka")
           ->capture_default_str();
   CLI::Option* neighbours = command
                                 ->add_option("--neighbours", options->neighbours,
@@ -174,7 +175,7 @@ void add_train(CLI::App& program, Context& context) {
   const std::map<std::string, bool> on_off{{"on", true}, {"off", false}};
   command
       ->add_option("--progressive", options->train.progressive,
-                   "on or off: train coarse pictures first [on for small and paper; blend cannot]")
+                   "on or off: train coarse pictures first [on for small and paper; others than superres cannot]")
       ->transform(one_of(on_off));
   command->add_option("--minutes", options->train.minutes, "Time to train [10]")->check(number_between(0.01, 1e5));
   command->add_option("--steps", options->train.steps, "At most so many steps, instead of --minutes or besides them")

@@ -111,7 +111,9 @@ MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id 
     const ModelFilter filter{
         .architecture = architecture, .better_than_rbf = choice.method.empty(), .adapted = adapted};
     file = newest_model(store, scan_id, filter).value_or("");
-    if (file.empty() && architecture != model::Architecture::kSuperres) file = model::shipped_blend();
+    if (file.empty() && architecture.value_or(model::Architecture::kBlend) == model::Architecture::kBlend) {
+      file = model::shipped_blend();
+    }
   }
   if (choice.method.empty()) {
     resolved.method =
@@ -126,7 +128,7 @@ MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id 
 }
 
 std::optional<model::Architecture> network_of(const std::string& method) {
-  for (const auto architecture : {model::Architecture::kSuperres, model::Architecture::kBlend}) {
+  for (const auto architecture : model::kArchitectures) {
     if (method == model::architecture_name(architecture)) return architecture;
   }
   return std::nullopt;

@@ -45,8 +45,8 @@ MethodChoice for_method(const MethodChoice& choice, const std::string& method);
 nlohmann::ordered_json knob_values(const MethodChoice& choice);
 
 // Fills in what the user left open: the method and, for networks, the model file. With the method left open too, a model that was no better than
-// rbf is left out; with `adapted` false, one that `superres --adapt` made. Throws UsageError when superres has no model, and for a knob
-// that the method does not have.
+// rbf is left out; with `adapted` false, one that `superres --adapt` made. Throws UsageError when a network but blend has no model, and
+// for a knob that the method does not have.
 MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id, bool adapted = true);
 
 // The architecture that a method of this name uses; nothing for methods that are no networks.
