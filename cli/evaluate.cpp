@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -54,15 +55,20 @@ std::vector<std::string> split_names(const std::string& text) {
 // The methods asked for by name; without --method, or for `all`, all that can run: networks but blend only where there is a model.
 std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store& store, db::Id scan_id) {
   std::vector<std::string> names = split_names(options.method.method);
-  std::optional<model::Architecture> given;  // what --model is for
-  if (!options.method.model.empty()) {
-    given = model::read_checkpoint_info(find_model(store, options.method.model)).config.architecture;
+  std::map<model::Architecture, std::string> given;  // what each --model is for
+  for (const std::string& file : split_names(options.method.model)) {
+    const auto architecture = model::read_checkpoint_info(find_model(store, file)).config.architecture;
+    const auto [other, is_new] = given.emplace(architecture, file);
+    if (!is_new) {
+      throw core::UsageError("--model: " + other->second + " and " + file + " are both for method " +
+                             std::string(model::architecture_name(architecture)));
+    }
   }
   if (names.empty() || names == std::vector<std::string>{"all"}) {
     names.clear();
     for (const model::MethodInfo& method : model::methods()) {
       const auto architecture = network_of(method.name);
-      if (!architecture || architecture == model::Architecture::kBlend || architecture == given ||
+      if (!architecture || architecture == model::Architecture::kBlend || given.contains(*architecture) ||
           newest_model(store, scan_id, {.architecture = architecture})) {
         names.push_back(method.name);
       } else {
@@ -70,15 +76,18 @@ std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store
       }
     }
   }
-  if (given && std::find(names.begin(), names.end(), model::architecture_name(*given)) == names.end()) {
-    throw core::UsageError(options.method.model + " is a model for --method " +
-                           std::string(model::architecture_name(*given)) + ", which is not among the methods");
+  for (const auto& [architecture, file] : given) {
+    const std::string name(model::architecture_name(architecture));
+    if (std::find(names.begin(), names.end(), name) == names.end()) {
+      throw core::UsageError(file + " is a model for --method " + name + ", which is not among the methods");
+    }
   }
   refuse_useless_knobs(options.method, names);
   std::vector<MethodChoice> choices;
   for (const std::string& name : names) {
     MethodChoice choice = for_method(options.method, name);
-    if (network_of(name) != given) choice.model.clear();
+    const auto architecture = network_of(name);
+    choice.model = architecture && given.contains(*architecture) ? given.at(*architecture) : "";
     choices.push_back(resolve(choice, store, scan_id));
   }
   return choices;
@@ -474,6 +483,9 @@ void add_evaluate(CLI::App& program, Context& context) {
       "this folder");
   add_method_options(*command, options->method,
                      "Methods, separated by commas, or all [all; those that need training if the scan has a model]");
+  command->get_option("--model")->description(
+      "Model files or names, separated by commas, at most one for each network [the newest trained on the scan; "
+      "blend has one from the start]");
   command->callback([options, &context] { run_evaluate(*options, context); });
 }
 

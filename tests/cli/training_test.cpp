@@ -90,6 +90,51 @@ TEST_CASE("the sizes of a preset can be changed one by one") {
   CHECK(darkroom.train("many.safetensors", {"--neighbours", "20", "--steps", "1"}).status == 0);
 }
 
+TEST_CASE("other publications' networks are trained by name and judged side by side") {
+  const Darkroom darkroom;
+  for (const std::string preset : {"xu", "xu_adaptive", "meka"}) {
+    const test::Outcome trained = darkroom.train(
+        preset + ".safetensors", {"--preset", preset, "--channels", "4,8", "--steps", "2", "--hold-out-every", "6"});
+    INFO(trained.err);
+    REQUIRE(trained.status == 0);
+    const json model = show(darkroom, darkroom / (preset + ".safetensors"));
+    CHECK(model.at("configuration").at("architecture") == preset);
+    CHECK(model.at("flop_per_pixel").get<double>() > 1000);
+  }
+  const auto evaluate = [&](const std::string& methods, const std::string& models) {
+    return darkroom.run({"evaluate", "ball", "--held-out", "--every", "6", "--method", methods, "--model", models,
+                         "--threads", "1", "--json"});
+  };
+  const auto files = [&](const std::vector<std::string>& names) {
+    std::string text;
+    for (const std::string& name : names) text += (text.empty() ? "" : ",") + (darkroom / (name + ".safetensors"));
+    return text;
+  };
+  const test::Outcome judged = evaluate("nearest,meka,xu_adaptive,xu", files({"xu", "xu_adaptive", "meka"}));
+  INFO(judged.err);
+  REQUIRE(judged.status == 0);
+  std::vector<std::string> names;
+  const json scores = judged.json();
+  for (const auto& method : scores.at("methods")) names.push_back(method.at("name"));
+  CHECK(names == std::vector<std::string>{"nearest", "meka", "xu_adaptive", "xu"});
+
+  const auto refused = [&](const std::string& methods, const std::string& models, const std::string& said) {
+    const test::Outcome outcome = evaluate(methods, models);
+    INFO(outcome.err);
+    CHECK(outcome.status == 2);
+    CHECK(outcome.err.find(said) != std::string::npos);
+  };
+  refused("xu", files({"meka"}), "is a model for --method meka, which is not among the methods");
+  refused("xu,meka", files({"xu", "xu"}), "both for method xu");
+  CHECK(darkroom.train("no.safetensors", {"--preset", "meka", "--neighbours", "4"}).status == 2);
+  CHECK(darkroom.train("no.safetensors", {"--preset", "xu", "--active-set", "naive", "--progressive", "on"}).status ==
+        2);
+  const test::Outcome relit = darkroom.run({"superres", "ball", "--lights", "30", "--method", "xu", "--model",
+                                            darkroom / "meka.safetensors", "--out", "dense"});
+  CHECK(relit.status == 2);
+  CHECK(relit.err.find("is a model for --method meka") != std::string::npos);
+}
+
 TEST_CASE("whoever is judged on lights that it was trained on, or its origin was, is warned") {
   const Darkroom darkroom;
   const auto train_one = [&](const std::string& out, std::vector<std::string> more) {
