@@ -1,4 +1,4 @@
-// The subject under spherical colour gradients (Meka et al. 2019, "Deep reflectance fields", section 3; Ma et al. 2007, "Rapid acquisition of specular
+// The subject under spherical colour gradients (Meka et al. 2019, "Deep reflectance fields"; Ma et al. 2007, "Rapid acquisition of specular
 // and diffuse normal maps from polarized spherical gradient illumination"): two pictures in which every light of the stage shines, each in
 // the colour of its place. Here they are summed of the one-light pictures; gradients that a stage captured are not part of a core::OlatScan.
 #pragma once

@@ -1,5 +1,5 @@
 // Which lights `xu` looks at, and how training comes to choose them (Xu et al. 2018, "Deep image-based relighting from optimal sparse
-// samples", section 4.1).
+// samples").
 //
 // As published the sampling network is a matrix with a row for each picture that the relighting network is given and a column for each light of
 // one fixed stage. Here a column stands for a direction, so that a choice made on one stage holds for another: on a stage it means the captured
@@ -29,8 +29,8 @@ std::vector<std::size_t> chosen_candidates(std::span<const float> logits, std::s
 // taken again once all are.
 std::vector<std::size_t> lights_for(std::span<const std::size_t> candidates, std::span<const core::Direction> lights);
 
-// The factor of the logits in the softmax after this share of the training budget: it grows until a row has one light only. As published it grows
-// linearly with the epochs; here by the same factor in equal times, so that lights are mixed for about half of the time, however many steps there are.
+// The factor of the logits in the softmax after this share of the training budget: it grows until a row has one light only. By the same factor
+// in equal times, so that lights are mixed for about half of the time, however many steps there are.
 // Nothing in the rest of the run, in which the chosen lights stand firm.
 std::optional<double> selection_sharpness(double fraction);
 

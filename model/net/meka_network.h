@@ -1,6 +1,6 @@
 // The picture of one light from two spherical colour gradients (Meka et al. 2019, "Deep reflectance fields: high-quality facial reflectance field
-// inference from color gradient illumination"; docs/model.md draws it). Left out: the publication's perceptual loss, which is a network of its own
-// trained on a light stage's data, and its alignment of the two gradients.
+// inference from color gradient illumination"; docs/model.md draws it). The publication's perceptual loss, which needs a network of its own, is left
+// out.
 #pragma once
 
 #include "model/net/network.h"

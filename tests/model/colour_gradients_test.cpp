@@ -49,7 +49,7 @@ TEST_CASE("six lights of known brightness give the gradients that were computed 
 }
 
 TEST_CASE("the gradients tell a matt surface's normal and albedo, whatever the layout of the stage") {
-  // Under (1 + l) / 2 a matt surface of albedo a and normal n has radiance a (1 + 2/3 n) / 2 (Ma et al. 2007, equation 8).
+  // Under (1 + l) / 2 a matt surface of albedo a and normal n has radiance a (1 + 2/3 n) / 2 (the integral of a cosine lobe over the gradient).
   const core::ImageSize size{9, 9, 3};
   std::vector<Direction> uneven;  // twice as dense about the x axis as across it
   for (const Direction& d : core::fibonacci_directions(400)) {
