@@ -5,7 +5,7 @@
                            [--model METHOD=FILE ...] [--directions 40] [--every 16] [--size 256] > docs/results.md
 
 OUT is a folder that is made once and used again: a store of the simulated subjects, and one file for each scan, protocol and method,
-so that an interrupted run goes on, and a method that is new is measured alone. Delete its files to measure anew.
+so that an interrupted run goes on, and a method that is new is measured without the others. Delete its files to measure anew.
 Networks other than blend are measured where a file is given. linear is measured with four values of s besides its own, and its best is
 a row of its own.
 """
@@ -49,24 +49,26 @@ def by_angle(rows):
 
 
 class Program:
-    def __init__(self, path, out):
-        self.path, self.out = path, out
+    def __init__(self, path, out, models):
+        self.path, self.out, self.models = path, out, models  # models: method -> file
 
     def json(self, store, *arguments):
         run = subprocess.run([self.path, *arguments, "--store", str(store), "--json"], stdout=subprocess.PIPE, check=True)
         return json.loads(run.stdout)
 
-    def judged(self, store, scan, protocol, method, *options):
-        """One method's row, measured or remembered."""
-        label = "-".join([scan, *protocol, method, *options]).replace("/", "_").replace("--", "")
-        kept = self.out / (label + ".json")
-        if not kept.exists():
-            print(label, file=sys.stderr, flush=True)
-            row = self.json(store, "evaluate", scan, *protocol, "--method", method, *options)["methods"][0]
-            unfinished = kept.with_suffix(".new")
-            unfinished.write_text(json.dumps(row))
-            unfinished.rename(kept)
-        return json.loads(kept.read_text())
+    def judged(self, store, scan, protocol, methods, *options):
+        """A row for each method, measured or remembered; what is missing is measured by one command."""
+        kept = {method: self.out / ("-".join([scan, *protocol, method, *options]).replace("--", "") + ".json") for method in methods}
+        missing = [method for method in methods if not kept[method].exists()]
+        if missing:
+            print(scan, *protocol, ",".join(missing), *options, file=sys.stderr, flush=True)
+            models = ",".join(self.models[method] for method in missing if method in self.models)
+            report = self.json(store, "evaluate", scan, *protocol, "--method", ",".join(missing), *options, *(["--model", models] if models else []))
+            for row in report["methods"]:
+                unfinished = kept[row["name"]].with_suffix(".new")
+                unfinished.write_text(json.dumps(row))
+                unfinished.rename(kept[row["name"]])
+        return {method: json.loads(file.read_text()) for method, file in kept.items()}
 
 
 def capture_subjects(program, store, options):
@@ -136,8 +138,8 @@ def main():
     parser.add_argument("--every", default="16")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
-    program = Program(options.program, options.out)
     models = dict(entry.split("=", 1) for entry in options.model)
+    program = Program(options.program, options.out, models)
     store = options.out / "store"
     subjects = capture_subjects(program, store, options)
 
@@ -147,15 +149,15 @@ def main():
         if not needs_model or info["name"] in models:
             methods.append(info["name"])
 
-    def measure(where, scans, protocol_of):
+    def measure(where, scans, protocol):
         """method -> a row for each scan."""
+        judged = [program.judged(where, scan, protocol, methods) for scan in scans]
+        tried = [[program.judged(where, scan, protocol, ["linear"], "--sharpness", f"{factor * 2 / SPACING**2:.4g}")["linear"] for scan in scans]
+                 for factor in (0.25, 0.5, 2, 4)]
         rows_of = {}
         for method in methods:
-            model = ["--model", models[method]] if method in models else []
-            rows_of[method] = [program.judged(where, scan, protocol_of(scan), method, *model) for scan in scans]
+            rows_of[method] = [rows[method] for rows in judged]
             if method == "linear":
-                tried = [[program.judged(where, scan, protocol_of(scan), "linear", "--sharpness", f"{factor * 2 / SPACING**2:.4g}") for scan in scans]
-                         for factor in (0.25, 0.5, 2, 4)]
                 rows_of["linear, best s"] = min([rows_of["linear"], *tried], key=lambda rows: mean(rows, "rmse"))
         return rows_of
 
@@ -163,13 +165,13 @@ def main():
     sets = []
     if subjects:
         of_subjects = f"{len(subjects)} simulated subjects, {LIGHTS} lights, {options.size} pixels"
-        sets.append((f"Between the lights: {of_subjects}, `--off-grid --directions {options.directions}`", measure(store, subjects, lambda _: off_grid)))
+        sets.append((f"Between the lights: {of_subjects}, `--off-grid --directions {options.directions}`", measure(store, subjects, off_grid)))
         sets.append((f"Lights left out: {of_subjects}, `--held-out --every {options.every}`",
-                     measure(store, subjects, lambda _: ["--held-out", "--every", options.every])))
+                     measure(store, subjects, ["--held-out", "--every", options.every])))
     for entry in options.photographs[1:]:
         scan, every = entry.rsplit(":", 1)
         sets.append((f"Photographs: {scan}, `--held-out --every {every}`",
-                     measure(options.photographs[0], [scan], lambda _, every=every: ["--held-out", "--every", every])))
+                     measure(options.photographs[0], [scan], ["--held-out", "--every", every])))
 
     print("# Methods, ranked\n")
     print(f"Written by `tests/bench/results.py` on {datetime.date.today()}, {version(options.program)}, {machine()}.\n"

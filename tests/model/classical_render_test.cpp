@@ -317,7 +317,7 @@ TEST_CASE("a misspelt method is answered with the nearest name, superres without
     CHECK_FALSE(info.citation.empty());
   }
   CHECK(names == std::vector<std::string>{"nearest", "linear", "barycentric", "rbf", "bspline", "fuchs",
-                                          "photometric_stereo", "blend", "superres"});
+                                          "photometric_stereo", "blend", "superres", "xu", "xu_adaptive", "meka"});
   CHECK_THROWS_AS(model::make_interpolator("superes", scan), core::UsageError);
   CHECK_THROWS_WITH(model::make_interpolator("superes", scan), Catch::Contains("did you mean 'superres'?"));
   CHECK_THROWS_WITH(model::make_interpolator("superres", scan), Catch::Contains("model file"));
