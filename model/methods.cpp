@@ -163,7 +163,8 @@ const std::vector<Entry>& entries() {
        .make = make_network<Architecture::kXuAdaptive>},
 
       {.info = {.name = "meka",
-                .summary = "a network that draws the picture from two colour gradients, summed of all lights; a baseline",
+                .summary =
+                    "a network that draws the picture from two colour gradients, summed of all lights; a baseline",
                 .citation = "Meka et al. 2019, Deep reflectance fields",
                 .knobs = {model_knob("")}},
        .make = make_network<Architecture::kMeka>},
