@@ -4,6 +4,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/interrupt.h"
 #include "core/parallel.h"
 #include "model/classical/lambertian_fit.h"
 
@@ -71,8 +72,7 @@ SurfaceMaps estimate_normals(const core::OlatScan& scan) {
   for (int top = 0; top < size.height; top += rows) {
     const int count = std::min(rows, size.height - top);
     const Band band(scan, top, count);
-    constexpr std::size_t kGrain = 64;
-    core::parallel_for(std::size_t(count) * std::size_t(size.width), kGrain, [&](std::size_t first, std::size_t last) {
+    const auto fit_pixels = [&](std::size_t first, std::size_t last) {
       std::vector<double> weights(scan.light_count());
       std::vector<float> brightness(scan.light_count());
       for (std::size_t pixel = first; pixel < last; ++pixel) {
@@ -93,7 +93,14 @@ SurfaceMaps estimate_normals(const core::OlatScan& scan) {
         maps.confidence(y, x) = float(fit.share / fit.condition);
         maps.condition(y, x) = float(fit.condition);
       }
-    });
+    };
+    constexpr std::size_t kGrain = 64, kAtATime = 4096;  // pixels; between them Ctrl-C is heeded
+    const std::size_t pixels = std::size_t(count) * std::size_t(size.width);
+    for (std::size_t done = 0; done < pixels; done += kAtATime) {
+      core::throw_if_interrupted();
+      core::parallel_for(std::min(kAtATime, pixels - done), kGrain,
+                         [&](std::size_t first, std::size_t last) { fit_pixels(done + first, done + last); });
+    }
   }
   return maps;
 }

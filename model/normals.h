@@ -22,7 +22,8 @@ struct SurfaceMaps {
 // Per-pixel normal and albedo by robust least squares on the diffuse part of the pictures: lights that the pixel does not face, cast
 // shadows and highlights are left out (model/classical/lambertian_fit.h). Lights are taken to be far away. Where fewer than three lights show a
 // pixel the normal is the one nearest to them. Works with 1 GiB of pixels at a time, besides what the scan caches; 302 pictures of
-// 256 x 256 pixels take a core about 2 s for a head before black, 5 s where noise leaves no pixel black. The same for every thread count. Throws what loading throws.
+// 256 x 256 pixels take a core about 2 s for a head before black, 5 s where noise leaves no pixel black. The same for every thread count. Throws
+// Interrupted on Ctrl-C, and what loading throws.
 SurfaceMaps estimate_normals(const core::OlatScan& scan);
 
 }  // namespace lightstage::model

@@ -5,6 +5,7 @@
 
 #include "cli/format.h"
 #include "cli/report/contact_sheet.h"
+#include "core/interrupt.h"
 
 namespace lightstage::cli {
 
@@ -105,6 +106,7 @@ std::vector<CropSheet> crops_where_methods_differ(const JudgedStage& stage, bool
     const core::Image truth = shown(stage.protocol.truth(index));
     std::vector<core::Image> pictures;
     for (const MethodChoice& choice : stage.choices) {
+      core::throw_if_interrupted();
       pictures.push_back(shown(model::make_interpolator(choice.method, known, choice.options)->render(query)));
     }
     const int shorter = std::min(truth.height(), truth.width()), side = std::min(shorter, std::max(32, shorter / 3));

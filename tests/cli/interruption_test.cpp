@@ -4,6 +4,7 @@
 #include <set>
 #include <thread>
 
+#include "cli/darkroom.h"
 #include "cli/program.h"
 #include "db/store.h"
 #include "support/support.h"
@@ -76,4 +77,19 @@ TEST_CASE("Ctrl-C ends a capture between frames with status 130, and it can go o
   run.signal(SIGINT);
   REQUIRE(run.wait() == 130);
   capture.check_resumed();
+}
+
+TEST_CASE("Ctrl-C ends a report while its crops are rendered, with status 130 and without a page") {
+  const test::Darkroom darkroom;
+  const std::filesystem::path report = darkroom / "report";
+  test::BackgroundRun run(darkroom.store(), {"evaluate", "ball", "--held-out", "--every", "12", "--method",
+                                             "blend,rbf,linear", "--report", report.string(), "--quiet"});
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  // The last file before the crops.
+  while (!std::filesystem::exists(report / "error_by_time.svg") && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  run.signal(SIGINT);
+  CHECK(run.wait() == 130);
+  CHECK(std::filesystem::exists(report / "report.json"));
+  CHECK_FALSE(std::filesystem::exists(report / "index.html"));
 }

@@ -2,8 +2,11 @@
 #include "model/normals.h"
 
 #include <catch2/catch.hpp>
+#include <csignal>
 #include <numbers>
 
+#include "core/error.h"
+#include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/sphere.h"
 #include "model/synthetic_scan.h"
@@ -176,6 +179,18 @@ TEST_CASE("normals: the same for every thread count, and finite and unit whateve
   CHECK(maps.normals(0, 0, 2) == 1);
   CHECK(maps.albedo(0, 0, 1) == 0);
   CHECK(maps.confidence(0, 0) == 0);
+}
+
+TEST_CASE("normals: Ctrl-C ends the fitting") {
+  const core::OlatScan scan = test::scan_of(core::fibonacci_directions(6), {3, 3, 1},
+                                            [](const Direction& light, int, int, int) { return light.z(); });
+  {
+    const core::InterruptGuard guard;
+    std::raise(SIGINT);
+    CHECK_THROWS_AS(model::estimate_normals(scan), core::Interrupted);
+  }
+  const core::InterruptGuard forgotten;
+  CHECK_NOTHROW(model::estimate_normals(scan));
 }
 
 TEST_CASE("normals: few lights say what they can, and the condition number says how much that is") {
