@@ -17,7 +17,8 @@ namespace {
 constexpr double kToneExposure = 0.6;
 
 double tone_mapped(double radiance) {
-  const double v = kToneExposure * radiance;
+  constexpr double kWhite = 1e30;  // far beyond it already; the exposed values of hot pixels may overflow
+  const double v = kToneExposure * std::min(radiance, kWhite);
   return std::clamp(v * (2.51 * v + 0.03) / (v * (2.43 * v + 0.59) + 0.14), 0.0, 1.0);
 }
 

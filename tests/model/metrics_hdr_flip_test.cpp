@@ -103,6 +103,11 @@ TEST_CASE("HDR-FLIP is 0 for equal pictures and finite at extremes") {
     CHECK(value > 0);
     CHECK(value <= 1);
   }
+  // Exposed as the dark truth asks for, this is beyond float.
+  const double overflowing = model::hdr_flip(times(scene(1), 1e-3f), scene(3e38f), {}),
+               huge = model::hdr_flip(times(scene(1), 1e-3f), scene(1e30f), {});
+  CHECK(overflowing > 0);
+  CHECK(overflowing == Approx(huge));
   CHECK(model::hdr_flip(Image(1, 1, 1), Image(1, 1, 1), {}) == 0);
 }
 
