@@ -17,6 +17,7 @@
 #include "cli/report/contact_sheet.h"
 #include "core/error.h"
 #include "core/image_file.h"
+#include "core/interrupt.h"
 #include "core/progress.h"
 #include "core/text.h"
 #include "model/checkpoint.h"
@@ -156,6 +157,7 @@ void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan,
   }
   std::vector<std::vector<SheetCell>> rows;
   for (const std::size_t i : shown_rows(truth, kRows)) {
+    core::throw_if_interrupted();
     const core::Image shown_truth = core::to_rgb(model::judged(truth[i], scan.exposure(), linear));
     std::vector<SheetCell> row{{shown_truth, "truth " + fixed(directions[i].longitude_degrees(), 0) + ", " +
                                                  fixed(directions[i].latitude_degrees(), 0) + " deg"}};
@@ -251,8 +253,9 @@ Report judge(const Options& options, const core::OlatScan& scan, const Protocol&
 void evaluate_off_grid(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const SimulatedTruth simulated(store, options.name, {});
   const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
+  const model::EvaluationOptions evaluation = evaluation_options(options);
   const OffGrid queries(options, simulated, loaded);
-  const Protocol protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation_options(options));
+  const Protocol protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation);
   Report report = judge(options, loaded.scan, protocol, choices);
   if (!options.sheet.empty())
     write_sheet(options.sheet, loaded.scan, choices, queries.directions, *queries.truth, options.linear);
@@ -278,8 +281,8 @@ void evaluate_subsample(const Options& options, const db::Store& store, const db
                              std::to_string(loaded.scan.light_count()) + " lights, not " + std::to_string(lights));
     }
   }
-  const OffGrid queries(options, SimulatedTruth(store, options.name, {}), loaded);
   const model::EvaluationOptions evaluation = evaluation_options(options);
+  const OffGrid queries(options, SimulatedTruth(store, options.name, {}), loaded);
   Report report;
   for (const std::size_t lights : stages) {
     const core::OlatScan scan = loaded.scan.with_lights(model::well_spread(loaded.scan.directions(), lights));
@@ -309,13 +312,14 @@ void evaluate_subsample(const Options& options, const db::Store& store, const db
 void evaluate_frontier(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const db::Scan scan = store.scan(options.name);
   const std::vector<MethodChoice> choices = chosen_methods(options, store, scan.id);
+  const model::EvaluationOptions evaluation = evaluation_options(options);
   Protocol protocol;
   if (options.off_grid || (!options.held_out && is_simulated(scan))) {
     const OffGrid queries(options, SimulatedTruth(store, options.name, {}), loaded);
-    protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation_options(options));
+    protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation);
   } else {
     warn_if_seen_in_training(options, choices);
-    protocol = held_out(loaded.scan, options.every, evaluation_options(options));
+    protocol = held_out(loaded.scan, options.every, evaluation);
   }
   const std::string own_metric = own_metric_name(options);
   const std::vector<FrontierPoint> points = measure_frontier(choices, loaded.scan, protocol, own_metric);
@@ -392,6 +396,9 @@ void refuse_useless(const Options& options) {
     throw core::UsageError("--report goes with --held-out, --off-grid and --subsample");
   if ((options.hdr_flip || !options.metric_model.empty()) && (options.accuracy || arc))
     throw core::UsageError("--hdr-flip and --metric-model go with --held-out, --off-grid, --subsample and --frontier");
+  if (subsample && options.method.knobs.contains("--neighbours"))
+    throw core::UsageError(
+        "--subsample blends as many neighbours as published for each number of lights; leave out --neighbours");
   if (!arc && (!options.arc_from.empty() || !options.arc_to.empty()))
     throw core::UsageError("--from and --to go with --arc");
 }

@@ -237,7 +237,9 @@ ArcResult judge_along_arc(const core::OlatScan& scan, const std::vector<MethodCh
     Recorder recorder(std::string(method->name()), scan, edge, result.row, frames);
     for (std::size_t t = 0; t < directions.size(); ++t) {
       core::throw_if_interrupted();
-      recorder.add(shown(method->render(directions[t])), truth.empty() ? nullptr : &truth[t]);
+      const core::Image picture = method->render(directions[t]);
+      core::require_finite(picture, "the picture that " + choice.method + " makes of scan '" + scan.name() + "'");
+      recorder.add(shown(picture), truth.empty() ? nullptr : &truth[t]);
       progress.advance();
     }
     result.methods.push_back(recorder.score(!truth.empty()));

@@ -47,7 +47,7 @@ struct ArcResult {
 ArcResult judge_along_arc(const core::OlatScan& scan, const std::vector<MethodChoice>& choices, const Arc& arc,
                           std::vector<core::Image> truth, bool linear_values);
 
-// {scan, protocol, from, to, degrees, steps, edge: {row, slope_px_per_deg, residual_px} or null, truth, methods: [...]} (docs/cli.md)
+// {scan, protocol, from, to, degrees, steps, row, truth, methods: [...]} (docs/cli.md); each of them has its own edge, or null.
 nlohmann::ordered_json arc_json(const std::string& scan, const ArcResult& result);
 
 std::string arc_text(const ArcResult& result);

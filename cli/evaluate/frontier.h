@@ -30,7 +30,7 @@ nlohmann::ordered_json frontier_json(const std::string& scan, const Protocol& pr
 // The table for people; points on a front carry the measures by which they are.
 std::string frontier_text(const std::vector<FrontierPoint>& points);
 
-// Writes frontier.json, .csv and .svg into the folder, which is made.
+// Writes frontier.json, .csv and .svg into the folder, which must exist.
 void write_frontier(const std::filesystem::path& folder, const nlohmann::ordered_json& json,
                     const std::vector<FrontierPoint>& points, const std::string& own_metric);
 

@@ -181,6 +181,14 @@ TEST_CASE("fewer lights cost accuracy off the grid, with as many neighbours as p
 
 TEST_CASE("the frontier holds every method's settings, and no point on it is beaten") {
   const BoxScan box;
+  // What is wrong with a command is said before the truth is rendered, which takes long.
+  for (const std::string& protocol :
+       std::vector<std::string>{"--off-grid", "--subsample=30", "--frontier=" + (box / "x").string()}) {
+    const test::Outcome refused = test::run_program(
+        box / "store", {"evaluate", "box", protocol, "--metric-model", (box / "stage.toml").string()});
+    check_refused(refused, 3, {"TorchScript"});
+    CHECK(refused.err.find("rendering the truth") == std::string::npos);
+  }
   const json printed = box.succeed(
       {"evaluate", "box", "--frontier", (box / "out").string(), "--directions", "6", "--method", "nearest,linear,rbf"});
   const json written = json::parse(text_of(box / "out" / "frontier.json"));
@@ -262,6 +270,7 @@ TEST_CASE("options that a protocol would not heed, and what it cannot do, are re
   refused({"--subsample", "0"}, 2, {"--subsample"});
   refused({"--subsample", "25"}, 2, {"24 lights", "25"});
   refused({"--subsample", "12"}, 2, {"not captured"});
+  refused({"--subsample", "12", "--neighbours", "3"}, 2, {"--neighbours"});
   refused({"--frontier", darkroom / "x", "--report", darkroom / "y"}, 2, {"--report"});
   refused({"--held-out", "--sheet", "x.png"}, 2, {"--sheet"});
   refused({"--held-out", "--from", "0,0"}, 2, {"--from", "--arc"});
