@@ -63,8 +63,10 @@ void check_spec(const fs::path& path, const OIIO::ImageSpec& spec, std::size_t m
 // Follows the chunks of a PNG file to its end chunk (ISO/IEC 15948, clause 5.3), because libpng prints to
 // stderr when it meets the end of the file too early. Other damage is left to libpng.
 void check_png_is_whole(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  const std::uintmax_t size = fs::file_size(path);
+  // Of the file that was opened: by its name there may be another one by now (a preview's next still).
+  std::ifstream file(path, std::ios::binary | std::ios::ate);
+  const auto size = static_cast<std::uintmax_t>(std::max<std::streamoff>(0, file.tellg()));
+  file.seekg(0);
   const auto cut_short = [&] {
     return failure(path, "is cut short: it ends after " + std::to_string(size) + " bytes");
   };
