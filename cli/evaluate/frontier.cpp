@@ -27,34 +27,35 @@ constexpr double kMebibyte = 1 << 20;
 
 // What to change of a method's options to trade quality for time or memory.
 struct QualitySetting {
-  std::string method, label;
+  std::string label;
   std::function<void(model::MethodOptions&)> apply;
 };
 
-QualitySetting network_neighbours(const std::string& method, int k) {
-  return {method, std::to_string(k) + " neighbours", [k](model::MethodOptions& o) { o.network.neighbours = k; }};
+// What of a knob trades quality for time or memory, besides its default; `sharpness` is linear's own choice for the scan.
+std::vector<std::string> values_to_try(const std::string& option, double sharpness) {
+  if (option == "--neighbours") return {"3", "4", "6", "12", "16"};
+  if (option == "--sharpness") return {core::number_text(sharpness / 4, 3), core::number_text(4 * sharpness, 3)};
+  if (option == "--domain" || option == "--kernel") return {"linear"};
+  if (option == "--smoothing") return {"1e-4", "1e-3"};
+  if (option == "--bf16" || option == "--half-cache") return {"on"};
+  return {};
 }
 
-// Of every method that has such settings; `sharpness` is linear's own choice for the scan.
-std::vector<QualitySetting> quality_settings(double sharpness) {
+std::vector<QualitySetting> quality_settings(const std::string& method, double sharpness) {
   std::vector<QualitySetting> settings;
-  for (const int k : {3, 4, 6, 12, 16}) {
-    settings.push_back(
-        {"linear", "--neighbours " + std::to_string(k), [k](model::MethodOptions& o) { o.neighbours = k; }});
+  for (const model::Knob& knob : model::method_info(method).knobs) {
+    if (!knob.set) continue;
+    for (const std::string& value : values_to_try(knob.option, sharpness)) {
+      settings.push_back({knob.flag ? knob.option : knob.option + " " + value,
+                          [&knob, value](model::MethodOptions& options) { knob.set(options, value); }});
+    }
   }
-  for (const double factor : {0.25, 4.0}) {
-    settings.push_back({"linear", "--sharpness " + core::number_text(factor * sharpness, 3),
-                        [s = factor * sharpness](model::MethodOptions& o) { o.sharpness = s; }});
+  if (method == "blend" || method == "superres" || method == "xu_adaptive") {
+    for (const int k : {4, 6, 12}) {
+      settings.push_back(
+          {std::to_string(k) + " neighbours", [k](model::MethodOptions& o) { o.network.neighbours = k; }});
+    }
   }
-  for (const std::string method : {"linear", "rbf"}) {
-    settings.push_back({method, "--domain linear", [](model::MethodOptions& o) { o.domain = model::Domain::kLinear; }});
-  }
-  for (const int k : {4, 6, 12}) {
-    settings.push_back(network_neighbours("blend", k));
-    settings.push_back(network_neighbours("superres", k));
-  }
-  settings.push_back({"superres", "--bf16", [](model::MethodOptions& o) { o.network.bfloat16 = true; }});
-  settings.push_back({"superres", "--half-cache", [](model::MethodOptions& o) { o.network.half_storage = true; }});
   return settings;
 }
 
@@ -148,8 +149,7 @@ std::vector<FrontierPoint> measure_frontier(const std::vector<MethodChoice>& cho
   std::vector<FrontierPoint> points;
   for (const MethodChoice& choice : choices) {
     points.push_back({"default", protocol.evaluate(std::span(&choice, 1)).front(), {}, {}});
-    for (const QualitySetting& setting : quality_settings(sharpness)) {
-      if (setting.method != choice.method) continue;
+    for (const QualitySetting& setting : quality_settings(choice.method, sharpness)) {
       MethodChoice changed = choice;
       setting.apply(changed.options);
       try {

@@ -196,12 +196,16 @@ TEST_CASE("the frontier holds every method's settings, and no point on it is bea
   CHECK(written["protocol"] == "off-grid");  // the scan is simulated
   const json& points = written["points"];
   std::size_t defaults = 0, of_linear = 0;
+  std::set<std::string> of_rbf;
   for (const json& point : points) {
+    if (point["method"] == "rbf") of_rbf.insert(point["setting"].get<std::string>());
     defaults += point["setting"] == "default" ? 1 : 0;
     of_linear += point["method"] == "linear" ? 1 : 0;
   }
   CHECK(defaults == 3);
   CHECK(of_linear > 5);
+  CHECK(of_rbf ==
+        std::set<std::string>{"default", "--kernel linear", "--smoothing 1e-4", "--smoothing 1e-3", "--domain linear"});
   const auto on = [](const json& point, const std::string& front, const std::string& measure) {
     return std::find(point[front].begin(), point[front].end(), measure) != point[front].end();
   };
