@@ -9,6 +9,7 @@
 #include "core/sphere.h"
 #include "model/classical.h"
 #include "model/synthetic_scan.h"
+#include "model/weight_sums.h"
 
 namespace lightstage {
 
@@ -16,21 +17,10 @@ namespace {
 
 using core::Direction;
 using core::Vec3;
+using test::sum_of, test::weighted_sum;
 
 std::unique_ptr<model::LightInterpolator> bspline_over(const std::vector<Direction>& lights) {
   return model::make_bspline(test::scan_of(lights, {1, 1, 1}, [](auto&&...) { return 1.0; }), model::Domain::kLinear);
-}
-
-double sum_of(const std::vector<double>& values) {
-  long double sum = 0;
-  for (const double v : values) sum += v;
-  return double(sum);
-}
-
-double interpolated(const std::vector<double>& weights, const std::vector<double>& values) {
-  double sum = 0;
-  for (std::size_t i = 0; i < values.size(); ++i) sum += weights[i] * values[i];
-  return sum;
 }
 
 // The cubic B-spline around 0 by its recurrence (de Boor 1978): knots at -2 .. 2.
@@ -127,7 +117,7 @@ TEST_CASE("bspline weights give what fitting lattices to a pixel's values gives"
     // More levels than needed change nothing: nothing is left after the one where no two lights share a spline.
     const PlainBSpline plain(lights, values, 12);
     for (const Direction& query : core::random_directions(20, 4)) {
-      const double fast = interpolated(bspline->linear_weights(query), values);
+      const double fast = weighted_sum(bspline->linear_weights(query), values);
       CHECK(fast == Approx(plain.at(query)).epsilon(1e-9).margin(1e-6));
     }
   }
@@ -161,7 +151,7 @@ TEST_CASE("bspline reproduces every linear function of the light's position, so 
   for (const Direction& query : core::random_directions(100, 5)) {
     const std::vector<double> weights = bspline->linear_weights(query);
     CHECK(sum_of(weights) == Approx(1).margin(1e-10));
-    CHECK(interpolated(weights, values) == Approx(f(query.vec())).margin(1e-10));
+    CHECK(weighted_sum(weights, values) == Approx(f(query.vec())).margin(1e-10));
   }
 }
 

@@ -9,6 +9,7 @@
 #include "core/sphere.h"
 #include "model/classical.h"
 #include "model/synthetic_scan.h"
+#include "model/weight_sums.h"
 #include "support/support.h"
 
 namespace lightstage {
@@ -17,23 +18,12 @@ namespace {
 
 using core::Direction;
 using core::Vec3;
+using test::sum_of, test::weighted_sum;
 
 std::unique_ptr<model::LightInterpolator> rbf_over(const std::vector<Direction>& lights,
                                                    const model::RadialBasis& basis = {}) {
   return model::make_rbf(test::scan_of(lights, {1, 1, 1}, [](auto&&...) { return 1.0; }), model::Domain::kLinear,
                          basis);
-}
-
-double sum_of(const std::vector<double>& values) {
-  long double sum = 0;
-  for (const double v : values) sum += v;
-  return double(sum);
-}
-
-double value_of(const std::vector<double>& weights, const std::vector<double>& values) {
-  double sum = 0;
-  for (std::size_t i = 0; i < values.size(); ++i) sum += weights[i] * values[i];
-  return sum;
 }
 
 // Interpolates in the plain way: solves for the coefficients of the interpolant by elimination in long
@@ -260,9 +250,10 @@ TEST_CASE("the linear kernel gives what solving for the coefficients gives, and 
   double apart = 0;
   for (const Direction& query : core::random_directions(50, 4)) {
     const std::vector<double> weights = rbf->linear_weights(query);
-    CHECK(value_of(weights, values) == Approx(plain.at(query)).margin(1e-9));
+    CHECK(weighted_sum(weights, values) == Approx(plain.at(query)).margin(1e-9));
     CHECK(sum_of(weights) == Approx(1).margin(1e-9));
-    apart = std::max(apart, std::abs(value_of(weights, values) - value_of(thin_plate->linear_weights(query), values)));
+    apart = std::max(apart,
+                     std::abs(weighted_sum(weights, values) - weighted_sum(thin_plate->linear_weights(query), values)));
   }
   CHECK(apart > 1e-3);
 }
@@ -280,7 +271,7 @@ TEST_CASE(
     const auto without_polynomial = [&](std::vector<double> v) {
       for (int twice = 0; twice < 2; ++twice)
         for (const auto& p : polynomial) {
-          const double along = value_of(v, p);
+          const double along = weighted_sum(v, p);
           for (std::size_t i = 0; i < n; ++i) v[i] -= along * p[i];
         }
       return v;
@@ -290,7 +281,7 @@ TEST_CASE(
       for (const Direction& light : lights)
         p.push_back(term == 0 ? 1 : term == 1 ? light.x() : term == 2 ? light.y() : light.z());
       p = without_polynomial(p);
-      const double length = std::sqrt(value_of(p, p));
+      const double length = std::sqrt(weighted_sum(p, p));
       for (double& v : p) v /= length;
       polynomial.push_back(p);
     }
@@ -310,7 +301,7 @@ TEST_CASE(
       const PlainRadialBasis plain(lights, values, kernel, smoothing * trace);
       const auto rbf = rbf_over(lights, {kernel, smoothing});
       for (const Direction& query : core::random_directions(20, 4))
-        CHECK(value_of(rbf->linear_weights(query), values) == Approx(plain.at(query)).margin(1e-8));
+        CHECK(weighted_sum(rbf->linear_weights(query), values) == Approx(plain.at(query)).margin(1e-8));
     }
     // Every light twice: the trace, of distinct places, is the same, and each place counts twice.
     std::vector<Direction> twice = lights;
@@ -331,7 +322,7 @@ TEST_CASE("much smoothing leaves the least-squares plane, and more of it less of
   for (std::size_t i = 0; i < lights.size(); ++i) rest.push_back(std::sin(double(11 * i)));
   const auto fitted = rbf_over(lights, {model::RadialKernel::kThinPlate, 1e6});
   std::vector<double> fit;
-  for (const Direction& light : lights) fit.push_back(value_of(fitted->linear_weights(light), rest));
+  for (const Direction& light : lights) fit.push_back(weighted_sum(fitted->linear_weights(light), rest));
   std::array<double, 4> moments{}, left{};
   for (std::size_t i = 0; i < lights.size(); ++i) {
     const std::array<double, 4> terms{1, lights[i].x(), lights[i].y(), lights[i].z()};
@@ -345,7 +336,7 @@ TEST_CASE("much smoothing leaves the least-squares plane, and more of it less of
   for (const auto kernel : {model::RadialKernel::kThinPlate, model::RadialKernel::kLinear}) {
     const auto rbf = rbf_over(lights, {kernel, 1e6});
     for (const Direction& query : core::random_directions(50, 6))
-      CHECK(value_of(rbf->linear_weights(query), values) == Approx(plane(query)).margin(1e-4));
+      CHECK(weighted_sum(rbf->linear_weights(query), values) == Approx(plane(query)).margin(1e-4));
   }
   double last = INFINITY;
   for (const double smoothing : {0.0, 1e-5, 1e-3, 1e-1}) {
@@ -353,7 +344,7 @@ TEST_CASE("much smoothing leaves the least-squares plane, and more of it less of
     double noise = 0;  // the variance of the picture under pixel noise of variance 1
     for (const Direction& query : core::random_directions(100, 7)) {
       const auto weights = rbf->linear_weights(query);
-      noise += value_of(weights, weights);
+      noise += weighted_sum(weights, weights);
     }
     CHECK(noise < last);
     last = noise;
@@ -370,7 +361,7 @@ TEST_CASE("a smoothing does the same to a smooth function whatever the number of
     const auto rbf = rbf_over(lights, {model::RadialKernel::kThinPlate, 0.05});
     double along = 0, whole = 0;
     for (const Direction& query : core::random_directions(200, 7)) {
-      along += value_of(rbf->linear_weights(query), values) * f(query);
+      along += weighted_sum(rbf->linear_weights(query), values) * f(query);
       whole += f(query) * f(query);
     }
     kept.push_back(along / whole);

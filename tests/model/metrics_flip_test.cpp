@@ -8,6 +8,7 @@
 #include "core/display.h"
 #include "core/error.h"
 #include "model/flip.h"
+#include "model/metric_pictures.h"
 #include "model/metrics.h"
 
 namespace lightstage {
@@ -22,15 +23,6 @@ Image constant(int height, int width, const std::vector<float>& colour) {
   for (int y = 0; y < height; ++y)
     for (int x = 0; x < width; ++x)
       for (int c = 0; c < image.channels(); ++c) image(y, x, c) = colour[std::size_t(c)];
-  return image;
-}
-
-Image noise(int height, int width, int channels, std::uint32_t seed) {
-  Image image(height, width, channels);
-  for (float& v : image.values()) {
-    seed = seed * 1664525u + 1013904223u;
-    v = float(seed >> 8) / float(1 << 24);
-  }
   return image;
 }
 
@@ -154,8 +146,8 @@ TEST_CASE("FLIP of flat colours, by hand") {
 TEST_CASE("FLIP is what its equations say, written out plainly") {
   for (const double ppd : {8.0, 67.0206}) {
     for (const int channels : {1, 3}) {
-      const Image a = noise(19, 23, channels, 1);
-      Image b = noise(19, 23, channels, 2);
+      const Image a = test::noise({19, 23, channels}, 1);
+      Image b = test::noise({19, 23, channels}, 2);
       for (std::size_t i = 0; i < b.values().size(); ++i) b.values()[i] = 0.6f * a.values()[i] + 0.4f * b.values()[i];
       for (int y = 5; y < 12; ++y)
         for (int x = 9; x < 23; ++x)

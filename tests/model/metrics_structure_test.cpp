@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "model/metric_pictures.h"
 #include "model/metrics.h"
 
 namespace lightstage {
@@ -12,35 +13,13 @@ namespace lightstage {
 namespace {
 
 using core::Image;
-
-Image constant(int height, int width, int channels, float value) {
-  Image image(height, width, channels);
-  std::fill(image.values().begin(), image.values().end(), value);
-  return image;
-}
-
-Image noise(core::ImageSize size, std::uint32_t seed) {
-  Image image(size);
-  for (float& v : image.values()) {
-    seed = seed * 1664525u + 1013904223u;
-    v = float(seed >> 8) / float(1 << 24);
-  }
-  return image;
-}
+using test::constant, test::mirrored, test::noise;
 
 // Partly like `image`.
 Image resembling(const Image& image, std::uint32_t seed) {
   Image result = noise(image.size(), seed);
   for (std::size_t i = 0; i < result.values().size(); ++i)
     result.values()[i] = 0.7f * image.values()[i] + 0.3f * result.values()[i];
-  return result;
-}
-
-Image mirrored(const Image& image) {
-  Image result(image.size());
-  for (int y = 0; y < image.height(); ++y)
-    for (int x = 0; x < image.width(); ++x)
-      for (int c = 0; c < image.channels(); ++c) result(y, x, c) = image(y, image.width() - 1 - x, c);
   return result;
 }
 
@@ -71,27 +50,12 @@ double plain_ms_ssim(Image a, Image b, Image weights, int c, int scales) {
   const double published[] = {0.0448, 0.2856, 0.3001, 0.2363, 0.1333};
   double exponents = 0, result = 1;
   for (int j = 0; j < scales; ++j) exponents += published[j];
-  const auto reflect = [](int i, int n) { return i < 0 ? -i : i >= n ? 2 * (n - 1) - i : i; };
   for (int j = 0; j < scales; ++j) {
     double sum = 0, total = 0;
     for (int y = 0; y < a.height(); ++y)
       for (int x = 0; x < a.width(); ++x) {
-        double weight = 0, ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
-        for (int dy = -5; dy <= 5; ++dy)
-          for (int dx = -5; dx <= 5; ++dx) {
-            const double w = std::exp(-double(dx * dx + dy * dy) / (2 * 1.5 * 1.5));
-            const double va = double(a(reflect(y + dy, a.height()), reflect(x + dx, a.width()), c));
-            const double vb = double(b(reflect(y + dy, b.height()), reflect(x + dx, b.width()), c));
-            weight += w;
-            ma += w * va;
-            mb += w * vb;
-            aa += w * va * va;
-            bb += w * vb * vb;
-            ab += w * va * vb;
-          }
-        ma /= weight;
-        mb /= weight;
-        const double cs = (2 * (ab / weight - ma * mb) + 9e-4) / (aa / weight - ma * ma + bb / weight - mb * mb + 9e-4);
+        const auto [ma, mb, va, vb, ab] = test::plain_ssim_window(a, b, y, x, c);
+        const double cs = (2 * ab + 9e-4) / (va + vb + 9e-4);
         const double l = j + 1 < scales ? 1 : (2 * ma * mb + 1e-4) / (ma * ma + mb * mb + 1e-4);
         sum += double(weights(y, x)) * l * cs;
         total += double(weights(y, x));

@@ -4,6 +4,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "model/metric_pictures.h"
 #include "model/metrics.h"
 
 namespace lightstage {
@@ -11,6 +12,7 @@ namespace lightstage {
 namespace {
 
 using core::Image;
+using test::constant, test::mirrored, test::noise;
 
 Image image_of(int height, int width, const std::vector<float>& values) {
   Image image(height, width, int(values.size()) / (height * width));
@@ -18,55 +20,11 @@ Image image_of(int height, int width, const std::vector<float>& values) {
   return image;
 }
 
-Image constant(int height, int width, int channels, float value) {
-  Image image(height, width, channels);
-  std::fill(image.values().begin(), image.values().end(), value);
-  return image;
-}
-
-Image noise(core::ImageSize size, std::uint32_t seed) {
-  Image image(size);
-  for (float& v : image.values()) {
-    seed = seed * 1664525u + 1013904223u;
-    v = float(seed >> 8) / float(1 << 24);
-  }
-  return image;
-}
-
-Image mirrored(const Image& image) {
-  Image result(image.size());
-  for (int y = 0; y < image.height(); ++y)
-    for (int x = 0; x < image.width(); ++x)
-      for (int c = 0; c < image.channels(); ++c) result(y, x, c) = image(y, image.width() - 1 - x, c);
-  return result;
-}
-
-// SSIM of one pixel as its definition says, on values in [0, 1]; beyond the border pictures are mirrored
-// about the outermost pixels.
+// SSIM of one pixel as its definition says, on values in [0, 1].
 double plain_ssim(const Image& a, const Image& b, int y, int x, int c) {
-  const auto reflect = [](int i, int n) {
-    if (n == 1) return 0;
-    while (i < 0 || i >= n) i = i < 0 ? -i : 2 * (n - 1) - i;
-    return i;
-  };
-  double weight = 0, ma = 0, mb = 0, aa = 0, bb = 0, ab = 0;
-  for (int dy = -5; dy <= 5; ++dy)
-    for (int dx = -5; dx <= 5; ++dx) {
-      const double w = std::exp(-double(dx * dx + dy * dy) / (2 * 1.5 * 1.5));
-      const double va = double(a(reflect(y + dy, a.height()), reflect(x + dx, a.width()), c));
-      const double vb = double(b(reflect(y + dy, b.height()), reflect(x + dx, b.width()), c));
-      weight += w;
-      ma += w * va;
-      mb += w * vb;
-      aa += w * va * va;
-      bb += w * vb * vb;
-      ab += w * va * vb;
-    }
-  ma /= weight;
-  mb /= weight;
+  const auto [ma, mb, va, vb, ab] = test::plain_ssim_window(a, b, y, x, c);
   const double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
-  return (2 * ma * mb + c1) * (2 * (ab / weight - ma * mb) + c2) /
-         ((ma * ma + mb * mb + c1) * (aa / weight - ma * ma + bb / weight - mb * mb + c2));
+  return (2 * ma * mb + c1) * (2 * ab + c2) / ((ma * ma + mb * mb + c1) * (va + vb + c2));
 }
 
 using Metric = double (*)(core::ImageView, core::ImageView, core::ImageView);
