@@ -28,10 +28,6 @@ struct CaptureOptions {
   bool untriggered = false;
 };
 
-nlohmann::ordered_json or_null(const std::optional<double>& value) {
-  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json();
-}
-
 void run_bench_model(const Options& options, Context& context) {
   const model::EngineBench bench = model::bench_engine(model::network_preset(options.preset), options.size);
   const double ratio = bench.straightforward_s / bench.engine_s;

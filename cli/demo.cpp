@@ -158,9 +158,7 @@ std::string report_page(const Results& results, const Script& script, double sec
 
 void run_demo(const Options& options, Context& context) {
   const auto begin = std::chrono::steady_clock::now();
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) throw core::BadInput(options.out.string() + ": cannot make this folder (" + error.message() + ")");
+  core::make_folder(options.out);
   if (fs::exists(options.out / "store")) {
     throw core::UsageError(options.out.string() + " holds a demonstration already; remove it or choose another --out");
   }

@@ -1,26 +1,24 @@
 #include <algorithm>
-#include <map>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
 #include "cli/evaluate/arc.h"
+#include "cli/evaluate/choices.h"
 #include "cli/evaluate/frontier.h"
 #include "cli/evaluate/report.h"
 #include "cli/evaluate/scores.h"
+#include "cli/evaluate/sheet.h"
 #include "cli/format.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/jobs/truth.h"
 #include "cli/options.h"
-#include "cli/report/contact_sheet.h"
 #include "core/error.h"
-#include "core/image_file.h"
-#include "core/interrupt.h"
+#include "core/file.h"
 #include "core/progress.h"
 #include "core/text.h"
-#include "model/checkpoint.h"
 #include "model/evaluation.h"
 #include "model/learned_metric.h"
 
@@ -44,136 +42,6 @@ struct Options {
   int arc_steps = 60;
   MethodChoice method;
 };
-
-std::vector<std::string> split_names(const std::string& text) {
-  std::vector<std::string> names;
-  for (const std::string_view name : core::split(text, ',')) {
-    if (!name.empty()) names.emplace_back(name);
-  }
-  return names;
-}
-
-// The methods asked for by name; without --method, or for `all`, all that can run: networks but blend only where there is a model.
-std::vector<MethodChoice> chosen_methods(const Options& options, const db::Store& store, db::Id scan_id) {
-  std::vector<std::string> names = split_names(options.method.method);
-  std::map<model::Architecture, std::string> given;  // what each --model is for
-  for (const std::string& file : split_names(options.method.model)) {
-    const auto architecture = model::read_checkpoint_info(find_model(store, file)).config.architecture;
-    const auto [other, is_new] = given.emplace(architecture, file);
-    if (!is_new) {
-      throw core::UsageError("--model: " + other->second + " and " + file + " are both for method " +
-                             std::string(model::architecture_name(architecture)));
-    }
-  }
-  if (names.empty() || names == std::vector<std::string>{"all"}) {
-    names.clear();
-    for (const model::MethodInfo& method : model::methods()) {
-      const auto architecture = network_of(method.name);
-      if (!architecture || architecture == model::Architecture::kBlend || given.contains(*architecture) ||
-          newest_model(store, scan_id, {.architecture = architecture})) {
-        names.push_back(method.name);
-      } else {
-        core::note(method.name + " is left out: no model of it was trained on this scan (give --model)");
-      }
-    }
-  }
-  for (const auto& [architecture, file] : given) {
-    const std::string name(model::architecture_name(architecture));
-    if (std::find(names.begin(), names.end(), name) == names.end()) {
-      throw core::UsageError(file + " is a model for --method " + name + ", which is not among the methods");
-    }
-  }
-  refuse_useless_knobs(options.method, names);
-  std::vector<MethodChoice> choices;
-  for (const std::string& name : names) {
-    MethodChoice choice = for_method(options.method, name);
-    const auto architecture = network_of(name);
-    choice.model = architecture && given.contains(*architecture) ? given.at(*architecture) : "";
-    choices.push_back(resolve(choice, store, scan_id));
-  }
-  return choices;
-}
-
-// Whether a model of this origin may have been trained on the lights 0, every, 2 every, ...; what it started from counts too. What
-// cannot be understood may mean anything.
-bool may_have_seen(const ordered_json& provenance, int every) {
-  if (!provenance.is_object()) return true;
-  const auto started_from = provenance.find("start_from");
-  const bool from_scratch = started_from == provenance.end() || started_from->is_null() || *started_from == "";
-  if (!from_scratch) {
-    if (!started_from->is_object() || may_have_seen(started_from->value("provenance", ordered_json()), every))
-      return true;
-  }
-  const auto data = provenance.find("data");
-  const bool simulated_views_alone = data != provenance.end() && data->is_object();
-  if (simulated_views_alone) return false;
-  const auto held_out = provenance.find("held_out_every");
-  if (held_out == provenance.end() || !held_out->is_number_integer()) return true;
-  const auto held_out_every = held_out->get<std::int64_t>();
-  return held_out_every <= 0 || every % held_out_every != 0;
-}
-
-// A network that has seen the very lights it is asked to predict would be flattered.
-void warn_if_seen_in_training(const Options& options, const std::vector<MethodChoice>& choices) {
-  for (const MethodChoice& choice : choices) {
-    if (choice.options.model_file.empty()) continue;
-    const std::string provenance = model::read_checkpoint_info(choice.options.model_file).provenance;
-    if (may_have_seen(ordered_json::parse(provenance, nullptr, false), options.every)) {
-      const std::string remedy = options.every == 1
-                                     ? "train with --hold-out-every N and evaluate with --every N, N from 2"
-                                     : "train with --hold-out-every " + std::to_string(options.every);
-      core::warn(choice.method + " may have been trained on the lights held out here: its errors are flattered; " +
-                 remedy);
-    }
-  }
-}
-
-// Which truths to show: some of the brighter half, in which there is something to see, from the brightest on.
-std::vector<std::size_t> shown_rows(std::span<const core::Image> truth, std::size_t rows) {
-  std::vector<std::pair<double, std::size_t>> by_brightness;
-  for (std::size_t i = 0; i < truth.size(); ++i) {
-    double sum = 0;
-    for (const float value : truth[i].values()) sum += double(value);
-    by_brightness.emplace_back(-sum, i);
-  }
-  std::sort(by_brightness.begin(), by_brightness.end());
-  std::vector<std::size_t> shown;
-  const std::size_t brighter_half = (truth.size() + 1) / 2;
-  for (std::size_t r = 0; r < std::min(rows, brighter_half); ++r) {
-    shown.push_back(by_brightness[r * brighter_half / std::min(rows, brighter_half)].second);
-  }
-  return shown;
-}
-
-// Truth, methods and differences.
-void write_sheet(const std::filesystem::path& path, const core::OlatScan& scan,
-                 const std::vector<MethodChoice>& choices, std::span<const core::Direction> directions,
-                 std::span<const core::Image> truth, bool linear) {
-  constexpr std::size_t kRows = 4;
-  constexpr double kDifferenceGain = 4;
-  std::vector<std::unique_ptr<model::LightInterpolator>> interpolators;
-  for (const MethodChoice& choice : choices) {
-    interpolators.push_back(model::make_interpolator(choice.method, scan, choice.options));
-  }
-  std::vector<std::vector<SheetCell>> rows;
-  for (const std::size_t i : shown_rows(truth, kRows)) {
-    core::throw_if_interrupted();
-    const core::Image shown_truth = core::to_rgb(model::judged(truth[i], scan.exposure(), linear));
-    std::vector<SheetCell> row{{shown_truth, "truth " + fixed(directions[i].longitude_degrees(), 0) + ", " +
-                                                 fixed(directions[i].latitude_degrees(), 0) + " deg"}};
-    std::vector<SheetCell> differences;
-    for (const auto& interpolator : interpolators) {
-      const core::Image shown =
-          core::to_rgb(model::judged(interpolator->render(directions[i]), scan.exposure(), linear));
-      differences.push_back({difference_picture(shown, shown_truth, kDifferenceGain),
-                             std::string(interpolator->name()) + " error x" + fixed(kDifferenceGain, 0)});
-      row.push_back({shown, std::string(interpolator->name())});
-    }
-    row.insert(row.end(), differences.begin(), differences.end());
-    rows.push_back(std::move(row));
-  }
-  core::write_image(path, contact_sheet(rows), {.encoding = core::Encoding::kLinear});
-}
 
 // The measures that are asked for.
 model::EvaluationOptions evaluation_options(const Options& options) {
@@ -252,7 +120,7 @@ Report judge(const Options& options, const core::OlatScan& scan, const Protocol&
 
 void evaluate_off_grid(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const SimulatedTruth simulated(store, options.name, {});
-  const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
+  const std::vector<MethodChoice> choices = chosen_methods(options.method, store, store.scan(options.name).id);
   const model::EvaluationOptions evaluation = evaluation_options(options);
   const OffGrid queries(options, simulated, loaded);
   const Protocol protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation);
@@ -263,15 +131,15 @@ void evaluate_off_grid(const Options& options, const db::Store& store, const db:
 }
 
 void evaluate_held_out(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
-  const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
-  warn_if_seen_in_training(options, choices);
+  const std::vector<MethodChoice> choices = chosen_methods(options.method, store, store.scan(options.name).id);
+  warn_if_seen_in_training(choices, options.every);
   const Protocol protocol = held_out(loaded.scan, options.every, evaluation_options(options));
   finish(options, context, judge(options, loaded.scan, protocol, choices));
 }
 
 void evaluate_subsample(const Options& options, const db::Store& store, const db::LoadedScan& loaded,
                         Context& context) {
-  const std::vector<MethodChoice> choices = chosen_methods(options, store, store.scan(options.name).id);
+  const std::vector<MethodChoice> choices = chosen_methods(options.method, store, store.scan(options.name).id);
   std::vector<std::size_t> stages = options.subsample;
   std::sort(stages.rbegin(), stages.rend());
   stages.erase(std::unique(stages.begin(), stages.end()), stages.end());
@@ -311,14 +179,14 @@ void evaluate_subsample(const Options& options, const db::Store& store, const db
 // Judged off the grid where that can be, else by held-out lights, unless one of them is asked for.
 void evaluate_frontier(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const db::Scan scan = store.scan(options.name);
-  const std::vector<MethodChoice> choices = chosen_methods(options, store, scan.id);
+  const std::vector<MethodChoice> choices = chosen_methods(options.method, store, scan.id);
   const model::EvaluationOptions evaluation = evaluation_options(options);
   Protocol protocol;
   if (options.off_grid || (!options.held_out && is_simulated(scan))) {
     const OffGrid queries(options, SimulatedTruth(store, options.name, {}), loaded);
     protocol = off_grid(loaded.scan, queries.directions, queries.truth, evaluation);
   } else {
-    warn_if_seen_in_training(options, choices);
+    warn_if_seen_in_training(choices, options.every);
     protocol = held_out(loaded.scan, options.every, evaluation);
   }
   const std::string own_metric = own_metric_name(options);
@@ -332,7 +200,7 @@ void evaluate_frontier(const Options& options, const db::Store& store, const db:
 
 void evaluate_arc(const Options& options, const db::Store& store, const db::LoadedScan& loaded, Context& context) {
   const db::Scan scan = store.scan(options.name);
-  const std::vector<MethodChoice> choices = chosen_methods(options, store, scan.id);
+  const std::vector<MethodChoice> choices = chosen_methods(options.method, store, scan.id);
   if (options.arc_from.empty() != options.arc_to.empty()) throw core::UsageError("--from and --to go together");
   Arc arc;
   if (options.arc_from.empty()) {
@@ -383,32 +251,63 @@ void evaluate_accuracy(const Options& options, const db::Store& store, const db:
                     {"psnr_aligned_db", alignment.psnr_aligned_db}}}});
 }
 
-// Options that the chosen protocol would not heed.
-void refuse_useless(const Options& options) {
-  const bool subsample = !options.subsample.empty(), frontier = !options.frontier.empty(), arc = !options.arc.empty();
-  const int protocols = int(options.accuracy) + int(subsample) + int(frontier) + int(arc) +
-                        (frontier ? 0 : int(options.held_out) + int(options.off_grid));
-  if (protocols != 1 || (options.held_out && options.off_grid)) {
+// An option that some protocols alone heed; to the others it would be of no use.
+struct Belonging {
+  const char* option;
+  std::vector<std::string> protocols;
+};
+
+const std::vector<Belonging> kBelongings{
+    {"--every", {"--held-out", "--frontier"}},
+    {"--directions", {"--off-grid", "--subsample", "--frontier"}},
+    {"--seed", {"--off-grid", "--subsample", "--frontier"}},
+    {"--from", {"--arc"}},
+    {"--to", {"--arc"}},
+    {"--steps", {"--arc"}},
+    {"--sheet", {"--off-grid"}},
+    {"--report", {"--held-out", "--off-grid", "--subsample"}},
+    {"--hdr-flip", {"--held-out", "--off-grid", "--subsample", "--frontier"}},
+    {"--metric-model", {"--held-out", "--off-grid", "--subsample", "--frontier"}},
+    {"--linear", {"--held-out", "--off-grid", "--subsample", "--frontier", "--arc"}},
+    {"--method", {"--held-out", "--off-grid", "--subsample", "--frontier", "--arc"}},
+};
+
+// Of the options on the command line, which asks for one thing to be measured.
+std::string protocol_of(const CLI::App& command) {
+  const auto given = [&](const char* option) { return command.get_option(option)->count() > 0; };
+  std::vector<std::string> asked;
+  for (const char* protocol : {"--subsample", "--frontier", "--arc", "--accuracy"}) {
+    if (given(protocol)) asked.emplace_back(protocol);
+  }
+  const bool both = given("--held-out") && given("--off-grid");
+  if (!given("--frontier")) {  // which is measured by one of these two
+    for (const char* protocol : {"--held-out", "--off-grid"}) {
+      if (given(protocol)) asked.emplace_back(protocol);
+    }
+  }
+  if (asked.size() != 1 || both) {
     throw core::UsageError("give one of --held-out, --off-grid, --subsample, --frontier, --arc and --accuracy");
   }
-  if (!options.sheet.empty() && (!options.off_grid || frontier)) throw core::UsageError("--sheet goes with --off-grid");
-  if (!options.report.empty() && (options.accuracy || frontier || arc))
-    throw core::UsageError("--report goes with --held-out, --off-grid and --subsample");
-  if ((options.hdr_flip || !options.metric_model.empty()) && (options.accuracy || arc))
-    throw core::UsageError("--hdr-flip and --metric-model go with --held-out, --off-grid, --subsample and --frontier");
-  if (subsample && options.method.knobs.contains("--neighbours"))
+  return asked.front();
+}
+
+void refuse_useless(const CLI::App& command, const Options& options) {
+  const std::string protocol = protocol_of(command);
+  for (const auto& [option, protocols] : kBelongings) {
+    if (command.get_option(option)->count() == 0) continue;
+    if (std::find(protocols.begin(), protocols.end(), protocol) != protocols.end()) continue;
+    throw core::UsageError(std::string(option) + " goes with " + core::joined(protocols, ", "));
+  }
+  if (!options.subsample.empty() && options.method.knobs.contains("--neighbours"))
     throw core::UsageError(
         "--subsample blends as many neighbours as published for each number of lights; leave out --neighbours");
-  if (!arc && (!options.arc_from.empty() || !options.arc_to.empty()))
-    throw core::UsageError("--from and --to go with --arc");
 }
 
 void run_evaluate(const Options& options, Context& context) {
-  refuse_useless(options);
   const db::Store store = context.open_store();
   const db::LoadedScan loaded = load_scan(store, options.name);
   for (const std::filesystem::path& folder : {options.report, options.frontier, options.arc}) {
-    if (!folder.empty()) make_folder(folder);
+    if (!folder.empty()) core::make_folder(folder);
   }
   if (!options.frontier.empty()) {
     evaluate_frontier(options, store, loaded, context);
@@ -493,7 +392,13 @@ void add_evaluate(CLI::App& program, Context& context) {
   command->get_option("--model")->description(
       "Model files or names, separated by commas, at most one for each network [the newest trained on the scan; "
       "blend has one from the start]");
-  command->callback([options, &context] { run_evaluate(*options, context); });
+  for (const char* file : {"--frontier", "--arc", "--sheet", "--report", "--metric-model"}) {
+    command->get_option(file)->check([](const std::string& text) { return text.empty() ? "is empty" : std::string(); });
+  }
+  command->callback([command, options, &context] {
+    refuse_useless(*command, *options);
+    run_evaluate(*options, context);
+  });
 }
 
 }  // namespace lightstage::cli

@@ -8,6 +8,7 @@
 #include "cli/jobs/scans.h"
 #include "cli/options.h"
 #include "core/error.h"
+#include "core/file.h"
 #include "core/image_file.h"
 #include "model/normals.h"
 #include "relight/picture.h"
@@ -22,10 +23,11 @@ struct Options {
 };
 
 void make_folder(const std::filesystem::path& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (!std::filesystem::is_directory(folder))
+  try {
+    core::make_folder(folder);
+  } catch (const core::BadInput&) {
     throw core::UsageError("--out: '" + folder.string() + "' is no folder and cannot be made one");
+  }
 }
 
 // Black where the mask says that there is no subject.
@@ -75,9 +77,7 @@ void run_normals(const Options& options, Context& context) {
   product.kind = "normals";
   product.scan_id = scan.id;
   product.input_scans = {scan.id};
-  for (const auto& input : {source.calibration_id, source.alignment_id, source.mask_id}) {
-    if (input) product.input_products.push_back(*input);
-  }
+  product.input_products = source.products();
   product.parameters = json_text({{"folder", std::filesystem::absolute(options.out).string()}});
   store.add_product(product);
 

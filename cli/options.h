@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <map>
+#include <optional>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -37,6 +38,12 @@ inline core::Direction direction_option(const std::string& option, const std::st
   } catch (const core::BadInput& error) {
     throw core::UsageError(option + ": " + error.what());
   }
+}
+
+// null where there is no value.
+template <typename Value>
+nlohmann::ordered_json or_null(const std::optional<Value>& value) {
+  return value ? nlohmann::ordered_json(*value) : nlohmann::ordered_json(nullptr);
 }
 
 // One line of JSON, whatever bytes file names in it are made of.

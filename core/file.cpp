@@ -108,6 +108,15 @@ void write_file_atomically(const fs::path& path, std::string_view bytes) {
   });
 }
 
+void make_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error || !fs::is_directory(folder)) {
+    throw BadInput(folder.string() + ": cannot make this folder" +
+                   (error ? " (" + error.message() + ")" : std::string()));
+  }
+}
+
 fs::path temporary_folder() {
   std::error_code error;
   const fs::path folder = fs::temp_directory_path(error);

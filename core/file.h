@@ -22,6 +22,9 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
 template <class Write>
 void replace_file_atomically(const std::filesystem::path& path, Write&& write);
 
+// Makes the folder, with those above it, where there is none. BadInput where that cannot be.
+void make_folder(const std::filesystem::path& folder);
+
 // The system's folder for temporary files. Throws BadInput naming it when $TMPDIR is set and names no folder.
 std::filesystem::path temporary_folder();
 

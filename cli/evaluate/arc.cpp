@@ -129,10 +129,6 @@ std::optional<double> off_truth(const ArcScore& method, const ArcResult& result)
   return std::sqrt(squares / double(method.fit->frames));
 }
 
-ordered_json json_of(const std::optional<double>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
-}
-
 ordered_json direction_json(const core::Direction& direction) {
   return {direction.longitude_degrees(), direction.latitude_degrees()};
 }
@@ -261,13 +257,13 @@ ordered_json arc_json(const std::string& scan, const ArcResult& result) {
     ordered_json one{{"name", score->name},
                      {"second_difference_mean", score->mean_difference},
                      {"second_difference_largest", score->largest_difference}};
-    if (score->name != kTruth) one["rmse"] = json_of(score->rmse);
+    if (score->name != kTruth) one["rmse"] = or_null(score->rmse);
     one["edge"] = nullptr;
     if (score->fit) {
       one["edge"] = {{"slope_px_per_deg", score->fit->slope * frames_a_degree(result.arc)},
-                     {"slope_error_px_per_deg", json_of(slope_error(*score, result))},
+                     {"slope_error_px_per_deg", or_null(slope_error(*score, result))},
                      {"residual_px", score->fit->residual},
-                     {"off_truth_px", json_of(off_truth(*score, result))},
+                     {"off_truth_px", or_null(off_truth(*score, result))},
                      {"frames", score->fit->frames}};
     }
     one["strip"] = strip_file(score->name);

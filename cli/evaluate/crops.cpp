@@ -90,48 +90,67 @@ core::Image cut(const core::Image& picture, const cv::Rect& frame) {
   return core::Image(picture.view().crop(frame.y, frame.x, frame.height, frame.width));
 }
 
+// A query, and what everybody shows for it, as judged.
+struct Shown {
+  std::size_t at = 0;  // in MethodScore::each
+  core::Direction query;
+  core::OlatScan known;
+  core::Image truth;
+  std::vector<core::Image> pictures;  // a method each
+};
+
+core::Image as_judged(const core::Image& linear, const Shown& shown, bool linear_values) {
+  return core::to_rgb(model::judged(linear, shown.known.exposure(), linear_values));
+}
+
+CropSheet sheet_of(const JudgedStage& stage, const Shown& shown) {
+  const core::Image& truth = shown.truth;
+  const int shorter = std::min(truth.height(), truth.width()), side = std::min(shorter, std::max(32, shorter / 3));
+  const cv::Rect frame = largest_square(spread_map(shown.pictures, truth, shown.known.mask()), side);
+  const core::Image truth_crop = cut(truth, frame);
+  std::vector<std::vector<SheetCell>> rows;
+  for (std::size_t first = 0; first < shown.pictures.size(); first += kMethodsARow) {
+    std::vector<SheetCell> crops{{truth_crop, "truth"}}, errors{{with_frame(truth, frame), "truth, whole"}};
+    for (std::size_t m = first; m < std::min(first + kMethodsARow, shown.pictures.size()); ++m) {
+      const core::Image crop = cut(shown.pictures[m], frame);
+      const model::MethodScore& score = stage.scores[m];
+      crops.push_back({crop, score.name});
+      errors.push_back(
+          {difference_picture(crop, truth_crop, kErrorGain),
+           "x" + fixed(kErrorGain, 0) + ", RMSE " + fixed(std::sqrt(score.each[shown.at].mean_squared_error), 4)});
+    }
+    rows.push_back(std::move(crops));
+    rows.push_back(std::move(errors));
+  }
+  return {contact_sheet(rows, side * std::max(1, kLargestCell / side)),
+          "light at " + fixed(shown.query.longitude_degrees(), 0) + ", " + fixed(shown.query.latitude_degrees(), 0) +
+              " degrees, " + fixed(stage.scores.front().each[shown.at].degrees_to_light, 1) +
+              " degrees from the nearest that the methods had; errors " + fixed(kErrorGain, 0) + " times enlarged"};
+}
+
 }  // namespace
 
 std::vector<CropSheet> crops_where_methods_differ(const JudgedStage& stage, bool linear_values, std::size_t count) {
-  std::vector<CropSheet> sheets;
-  if (stage.scores.empty() || stage.scores.front().each.empty()) return sheets;
+  if (stage.scores.empty() || stage.scores.front().each.empty()) return {};
+  std::vector<Shown> queries;
   for (const std::size_t i : queries_by_spread(stage.scores)) {
-    if (sheets.size() == count) break;
+    if (queries.size() == count) break;
     const std::size_t index = stage.scores.front().each[i].index;
-    const core::OlatScan known = stage.protocol.known(index);
-    const core::Direction query = stage.protocol.query(index);
-    const auto shown = [&](const core::Image& linear) {
-      return core::to_rgb(model::judged(linear, known.exposure(), linear_values));
-    };
-    const core::Image truth = shown(stage.protocol.truth(index));
-    std::vector<core::Image> pictures;
-    for (const MethodChoice& choice : stage.choices) {
-      core::throw_if_interrupted();
-      pictures.push_back(shown(model::make_interpolator(choice.method, known, choice.options)->render(query)));
-    }
-    const int shorter = std::min(truth.height(), truth.width()), side = std::min(shorter, std::max(32, shorter / 3));
-    const cv::Rect frame = largest_square(spread_map(pictures, truth, known.mask()), side);
-    const core::Image truth_crop = cut(truth, frame);
-    std::vector<std::vector<SheetCell>> rows;
-    for (std::size_t first = 0; first < pictures.size(); first += kMethodsARow) {
-      std::vector<SheetCell> crops{{truth_crop, "truth"}}, errors{{with_frame(truth, frame), "truth, whole"}};
-      for (std::size_t m = first; m < std::min(first + kMethodsARow, pictures.size()); ++m) {
-        const core::Image crop = cut(pictures[m], frame);
-        const model::MethodScore& score = stage.scores[m];
-        crops.push_back({crop, score.name});
-        errors.push_back(
-            {difference_picture(crop, truth_crop, kErrorGain),
-             "x" + fixed(kErrorGain, 0) + ", RMSE " + fixed(std::sqrt(score.each[i].mean_squared_error), 4)});
-      }
-      rows.push_back(std::move(crops));
-      rows.push_back(std::move(errors));
-    }
-    sheets.push_back({contact_sheet(rows, side * std::max(1, kLargestCell / side)),
-                      "light at " + fixed(query.longitude_degrees(), 0) + ", " + fixed(query.latitude_degrees(), 0) +
-                          " degrees, " + fixed(stage.scores.front().each[i].degrees_to_light, 1) +
-                          " degrees from the nearest that the methods had; errors " + fixed(kErrorGain, 0) +
-                          " times enlarged"});
+    Shown shown{i, stage.protocol.query(index), stage.protocol.known(index), {}, {}};
+    shown.truth = as_judged(stage.protocol.truth(index), shown, linear_values);
+    queries.push_back(std::move(shown));
   }
+  for (const MethodChoice& choice : stage.choices) {
+    std::unique_ptr<model::LightInterpolator> method;
+    for (Shown& shown : queries) {
+      core::throw_if_interrupted();
+      const bool fitted = method && stage.protocol.one_scan;
+      if (!fitted) method = model::make_interpolator(choice.method, shown.known, choice.options);
+      shown.pictures.push_back(as_judged(method->render(shown.query), shown, linear_values));
+    }
+  }
+  std::vector<CropSheet> sheets;
+  for (const Shown& shown : queries) sheets.push_back(sheet_of(stage, shown));
   return sheets;
 }
 

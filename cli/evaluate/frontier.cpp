@@ -23,8 +23,6 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kMebibyte = 1 << 20;
-
 // What to change of a method's options to trade quality for time or memory.
 struct QualitySetting {
   std::string label;

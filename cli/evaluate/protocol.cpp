@@ -31,7 +31,8 @@ Protocol off_grid(const core::OlatScan& scan, std::vector<core::Direction> direc
               },
           .query = [=](std::size_t index) { return directions.at(index); },
           .truth = [=](std::size_t index) { return truth->at(index); },
-          .known = [=](std::size_t) { return scan; }};
+          .known = [=](std::size_t) { return scan; },
+          .one_scan = true};
 }
 
 std::vector<model::InterpolatorFactory> factories(std::span<const MethodChoice> choices) {

@@ -22,6 +22,7 @@ struct Protocol {
   std::function<core::Direction(std::size_t index)> query;
   std::function<core::Image(std::size_t index)> truth;
   std::function<core::OlatScan(std::size_t index)> known;
+  bool one_scan = false;  // known() is the same for every image
 };
 
 // Every `every`-th light is left out in turn.

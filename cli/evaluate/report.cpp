@@ -139,6 +139,17 @@ std::string markdown_row(const std::vector<std::string>& cells) {
   return row + "\n";
 }
 
+// Who was best on each stage, in words.
+std::vector<std::string> rankings(const Report& report) {
+  std::vector<std::string> all;
+  for (const JudgedStage& stage : report.stages) {
+    const std::string best = best_in_words(best_methods(stage.scores, report.own_metric), report.own_metric);
+    const std::string where = report.stages.size() > 1 ? std::to_string(stage.lights) + " lights: " : "";
+    if (!best.empty()) all.push_back(where + best);
+  }
+  return all;
+}
+
 std::string markdown(const Report& report) {
   std::string text = "# " + report.scan + ", " + report.protocol + "\n\n" + values_named(report) + ".";
   for (const std::string& note : report.stages.front().protocol.notes) text += " " + note;
@@ -146,24 +157,11 @@ std::string markdown(const Report& report) {
   const auto rows = report_rows(report);
   text += markdown_row(rows.front()) + markdown_row(std::vector<std::string>(rows.front().size(), "---"));
   for (std::size_t r = 1; r < rows.size(); ++r) text += markdown_row(rows[r]);
-  for (const JudgedStage& stage : report.stages) {
-    const std::string best = best_in_words(best_methods(stage.scores, report.own_metric), report.own_metric);
-    if (best.empty()) continue;
-    text += "\n" + (report.stages.size() > 1 ? std::to_string(stage.lights) + " lights: " : "") + best + ".\n";
-  }
+  for (const std::string& ranking : rankings(report)) text += "\n" + ranking + ".\n";
   return text;
 }
 
 }  // namespace
-
-void make_folder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error || !fs::is_directory(folder)) {
-    throw core::BadInput(folder.string() + ": cannot make this folder" +
-                         (error ? " (" + error.message() + ")" : std::string()));
-  }
-}
 
 std::string csv_field(const std::string& text) {
   if (text.find_first_of(",\"\n\r") == std::string::npos) return text;
@@ -195,11 +193,7 @@ void write_report(const fs::path& folder, const Report& report) {
   page.paragraph(values_named(report) + "; lower is better, but for MS-SSIM.");
   for (const std::string& note : report.stages.front().protocol.notes) page.paragraph(note);
   page.table(report_rows(report));
-  for (const JudgedStage& stage : report.stages) {
-    const std::string best = best_in_words(best_methods(stage.scores, report.own_metric), report.own_metric);
-    if (!best.empty())
-      page.paragraph((report.stages.size() > 1 ? std::to_string(stage.lights) + " lights: " : "") + best + ".");
-  }
+  for (const std::string& ranking : rankings(report)) page.paragraph(ranking + ".");
   const auto plot = [&](const std::string& file, const std::string& caption, const std::string& svg) {
     core::write_file_atomically(folder / file, svg);
     page.figures({{file, caption}});

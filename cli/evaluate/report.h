@@ -27,9 +27,6 @@ struct Report {
   nlohmann::ordered_json json;  // what the command prints
 };
 
-// Makes the folder, with those above it. BadInput where that cannot be.
-void make_folder(const std::filesystem::path& folder);
-
 // A value as CSV holds it: in quotes where it must be.
 std::string csv_field(const std::string& text);
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "cli/format.h"
+#include "cli/options.h"
 #include "core/text.h"
 
 namespace lightstage::cli {
@@ -11,12 +12,6 @@ namespace {
 
 using model::MethodScore;
 using nlohmann::ordered_json;
-
-constexpr double kMebibyte = 1 << 20;
-
-ordered_json json_of(const std::optional<double>& value) {
-  return value ? ordered_json(*value) : ordered_json(nullptr);
-}
 
 std::vector<Measure> all_measures(const std::string& own_metric) {
   using Value = std::optional<double>;
@@ -61,14 +56,14 @@ ordered_json scores_json(std::span<const MethodScore> scores, const std::string&
       }
     }
     object["seconds_per_image"] = score.seconds_per_image;
-    object["peak_rss_bytes"] = score.peak_rss_bytes ? ordered_json(*score.peak_rss_bytes) : ordered_json(nullptr);
+    object["peak_rss_bytes"] = or_null(score.peak_rss_bytes);
     object["by_angle"] = ordered_json::array();
     for (const model::AngleBin& bin : score.by_angle) {
       object["by_angle"].push_back({{"from_deg", bin.from_deg},
                                     {"to_deg", bin.to_deg},
                                     {"images", bin.images},
-                                    {"rmse", json_of(bin.rmse)},
-                                    {"dssim", json_of(bin.dssim)}});
+                                    {"rmse", or_null(bin.rmse)},
+                                    {"dssim", or_null(bin.dssim)}});
     }
     array.push_back(std::move(object));
   }

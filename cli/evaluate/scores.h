@@ -11,6 +11,8 @@
 
 namespace lightstage::cli {
 
+inline constexpr double kMebibyte = 1 << 20;
+
 // An error measure that reports show.
 struct Measure {
   std::string key;    // in JSON and CSV: "rmse"

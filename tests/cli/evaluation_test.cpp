@@ -281,7 +281,13 @@ TEST_CASE("options that a protocol would not heed, and what it cannot do, are re
   refused({"--arc", darkroom / "x", "--from", "0,0"}, 2, {"--to"});
   refused({"--arc", darkroom / "x", "--from", "0,0", "--to", "180,0"}, 2, {"degrees apart"});
   refused({"--arc", darkroom / "x", "--hdr-flip"}, 2, {"--hdr-flip"});
+  refused({"--held-out", "--steps", "9"}, 2, {"--steps goes with --arc"});
+  refused({"--held-out", "--directions", "9"}, 2, {"--directions", "--off-grid, --subsample, --frontier"});
+  refused({"--off-grid", "--every", "9"}, 2, {"--every", "--held-out"});
+  refused({"--accuracy", "--method", "rbf"}, 2, {"--method"});
+  refused({"--held-out", "--report", ""}, 2, {"--report", "empty"});
   refused({"--held-out", "--method", "all,rbf"}, 2, {"all"});
+  refused({"--held-out", "--method", "linear,rbf,linear"}, 2, {"--method names linear twice"});
   refused({"--held-out", "--report", darkroom / "dirs.lp"}, 3, {"dirs.lp"});
   refused({"--held-out", "--method", "rbf", "--metric-model", darkroom / "dirs.lp"}, 3, {"dirs.lp", "TorchScript"});
 }
