@@ -52,6 +52,14 @@ void run_show(const std::string& file_or_name, Context& context) {
     }
   };
   add_lines(config);
+  ordered_json looks_at = ordered_json::array();
+  if (const auto chosen = model::chosen_directions(file); !chosen.empty()) {
+    text += "\nlooks at the lights nearest to (longitude, latitude)\n";
+    for (const core::Direction& direction : chosen) {
+      looks_at.push_back({direction.x(), direction.y(), direction.z()});
+      text += "  " + fixed(direction.longitude_degrees(), 1) + ", " + fixed(direction.latitude_degrees(), 1) + "\n";
+    }
+  }
   text += "\nprovenance\n";
   add_lines(origin);
 
@@ -66,6 +74,7 @@ void run_show(const std::string& file_or_name, Context& context) {
                         {"configuration", config},
                         {"parameters", info.parameters},
                         {"flop_per_pixel", model::flop_per_pixel(info.config)},
+                        {"looks_at", looks_at},
                         {"tensors", tensors},
                         {"provenance", origin}});
 }

@@ -376,4 +376,15 @@ CheckpointInfo read_checkpoint_info(const std::filesystem::path& path) {
   return checkpoint_info(path, read_safetensors_header(path));
 }
 
+std::vector<core::Direction> chosen_directions(const std::filesystem::path& path) {
+  const SafetensorsHeader header = read_safetensors_header(path);
+  if (checkpoint_info(path, header).config.architecture != Architecture::kXu) return {};
+  const auto logits = std::find_if(header.tensors.begin(), header.tensors.end(),
+                                   [](const StoredTensor& stored) { return stored.info.name == "sampling.logits"; });
+  std::vector<core::Direction> chosen;
+  for (const std::size_t candidate : chosen_candidates(read_tensor(path, *logits), std::size_t(logits->info.shape[0])))
+    chosen.push_back(sampling_candidates()[candidate]);
+  return chosen;
+}
+
 }  // namespace lightstage::model

@@ -9,6 +9,8 @@
 #include <string_view>
 #include <vector>
 
+#include "core/direction.h"
+
 namespace lightstage::model {
 
 enum class Architecture {
@@ -83,5 +85,9 @@ struct CheckpointInfo {
 // Reads the header alone. Throws BadInput naming the file, and the tensor where one is to blame: truncated, damaged, wrong shape, wrong
 // version, offsets outside the file; a header that claims more than the file holds allocates nothing.
 CheckpointInfo read_checkpoint_info(const std::filesystem::path& path);
+
+// Of xu: the directions whose nearest lights it looks at, as training chose them, in the order of its pictures. None for the others, which choose by
+// the query or look at all. Reads one tensor. Throws as read_checkpoint_info.
+std::vector<core::Direction> chosen_directions(const std::filesystem::path& path);
 
 }  // namespace lightstage::model

@@ -1,6 +1,7 @@
 // Training as a user asks for it: ablations, files left behind, and what a model file tells about itself.
 #include <catch2/catch.hpp>
 #include <fstream>
+#include <set>
 
 #include "cli/darkroom.h"
 #include "cli/program.h"
@@ -100,6 +101,13 @@ TEST_CASE("other publications' networks are trained by name and judged side by s
     const json model = show(darkroom, darkroom / (preset + ".safetensors"));
     CHECK(model.at("configuration").at("architecture") == preset);
     CHECK(model.at("flop_per_pixel").get<double>() > 1000);
+    const std::set<json> looked_at = model.at("looks_at");
+    CHECK(looked_at.size() == (preset == "xu" ? 8 : 0));  // all different
+    for (const json& place : looked_at) {
+      double squares = 0;
+      for (const double coordinate : place) squares += coordinate * coordinate;
+      CHECK(squares == Approx(1));
+    }
   }
   const auto evaluate = [&](const std::string& methods, const std::string& models) {
     return darkroom.run({"evaluate", "ball", "--held-out", "--every", "6", "--method", methods, "--model", models,
