@@ -1,6 +1,7 @@
 // What is lit and shot, step by step.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <filesystem>
 #include <optional>
@@ -33,6 +34,7 @@ enum class Timing {
   // time stamps. Needs no trigger.
   kFreeRun,
 };
+inline constexpr std::array kTimings{Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun};
 std::string_view to_string(Timing timing);  // "lockstep", "pipelined", "free_run"
 
 struct Sequence {

@@ -98,7 +98,7 @@ core::Nanoseconds read_exposure(const core::TomlTable& table) {
 Timing read_timing(const core::TomlTable& table) {
   if (!table.has("timing")) return {};
   const std::string name = table.string("timing");
-  for (const Timing timing : {Timing::kLockstep, Timing::kPipelined, Timing::kFreeRun}) {
+  for (const Timing timing : kTimings) {
     if (name == to_string(timing)) return timing;
   }
   table.fail("timing", "must be lockstep, pipelined or free_run");

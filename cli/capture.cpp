@@ -77,8 +77,11 @@ void dry_run(const Options& options, Context& context) {
       {"timing", "steps/s", "preparation s", "frames", "retaken", "dropped", "discarded", "safe at this rate"}};
   ordered_json modes = ordered_json::array();
   std::string remarks;
-  for (const capture::Timing timing :
-       {capture::Timing::kLockstep, capture::Timing::kPipelined, capture::Timing::kFreeRun}) {
+  const auto remark = [&](const std::string& name, const std::string& problem) {
+    remarks += name + ": " + problem + "\n";
+    modes.push_back({{"timing", name}, {"problem", problem}});
+  };
+  for (const capture::Timing timing : capture::kTimings) {
     if (options.request.timing && *options.request.timing != timing) continue;
     sequence.timing = timing;
     const std::string name(to_string(timing));
@@ -101,11 +104,9 @@ void dry_run(const Options& options, Context& context) {
                        {"discarded", report.discarded},
                        {"safe", safe}});
     } catch (const core::UsageError& error) {  // the rig cannot do this mode
-      remarks += name + ": " + error.what() + "\n";
-      modes.push_back({{"timing", name}, {"problem", error.what()}});
+      remark(name, error.what());
     } catch (const core::DeviceError& error) {
-      remarks += name + ": " + error.what() + "\n";
-      modes.push_back({{"timing", name}, {"problem", error.what()}});
+      remark(name, error.what());
     }
   }
   if (rows.size() == 1) {
@@ -271,9 +272,8 @@ void add_capture(CLI::App& program, Context& context) {
       ->add_option("--exposure", request.exposure_ms,
                    "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]")
       ->check(number_between(0.0001, 10000.0));
-  const std::map<std::string, capture::Timing> timings{{"lockstep", capture::Timing::kLockstep},
-                                                       {"pipelined", capture::Timing::kPipelined},
-                                                       {"free_run", capture::Timing::kFreeRun}};
+  std::map<std::string, capture::Timing> timings;
+  for (const capture::Timing timing : capture::kTimings) timings.emplace(to_string(timing), timing);
   command
       ->add_option("--timing", request.timing,
                    "lockstep, pipelined or free_run, instead of the sequence file's (docs/hardware.md)")

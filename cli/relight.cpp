@@ -74,9 +74,7 @@ void run_relight(const Options& options, Context& context) {
   picture.kind = "picture";
   picture.scan_id = scan.id;
   picture.input_scans = {scan.id};
-  for (const auto& input : {source.calibration_id, source.alignment_id, source.mask_id}) {
-    if (input) picture.input_products.push_back(*input);
-  }
+  picture.input_products = source.products();
   picture.parameters = json_text(
       {{"light", options.light},
        {"radius_deg", options.radius_degrees},

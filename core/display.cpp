@@ -10,7 +10,7 @@ namespace lightstage::core {
 
 namespace {
 
-constexpr float kGamma = 2.2f;
+constexpr float kGamma = static_cast<float>(kDisplayGamma);
 constexpr std::size_t kRowsAtATime = 16;
 
 template <class Function>

@@ -9,6 +9,8 @@ namespace lightstage::core {
 float srgb_encode(float linear);
 float srgb_decode(float encoded);
 
+inline constexpr double kDisplayGamma = 2.2;
+
 // The display encoding in which errors are judged and in which methods may blend: max(v, 0)^(1/2.2). Decoding
 // is the power 2.2 of max(v, 0). Both are finite for all finite input.
 float display_encode(float linear);

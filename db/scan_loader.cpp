@@ -127,6 +127,14 @@ core::Image read_mask(const Store& store, const std::optional<Product>& mask) {
 
 }  // namespace
 
+std::vector<Id> LoadedScan::products() const {
+  std::vector<Id> all;
+  for (const std::optional<Id>& product : {calibration_id, alignment_id, mask_id}) {
+    if (product) all.push_back(*product);
+  }
+  return all;
+}
+
 LoadedScan load_scan(const Store& store, std::string_view name, const LoadOptions& options) {
   const Scan scan = store.scan(name);
   const std::string camera = choose_camera(scan, options.camera);

@@ -24,6 +24,9 @@ struct LoadedScan {
   std::optional<Id> calibration_id;  // nothing: nominal lights were used
   std::optional<Id> alignment_id;
   std::optional<Id> mask_id;
+
+  // Those of the three that there are, for a product made of the whole.
+  std::vector<Id> products() const;
 };
 
 // The scan's lights, in the order of their first steps, with their images divided by the light's gain and

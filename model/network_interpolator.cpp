@@ -53,12 +53,9 @@ core::Image BlendInterpolator::render(const core::Direction& query) const {
       query, lights, core::nearest_indices(lights, query, std::size_t(network_->config().neighbours)), spacing_);
   const double exposure = scan_.exposure();
 
-  std::vector<Tensor> images;
-  for (const std::size_t light : set.lights) {
-    images.push_back(cut(display_tensor(*encoded_.image(light)), window_));
-  }
   const Tensor guide = to_display(guide_->render(query), exposure).unsqueeze(0);
-  const Tensor inside = network_->predict(torch::stack(images), cut(guide, window_), set, coarseness_);
+  const Tensor inside =
+      network_->predict(pictures_in(encoded_, set.lights, window_), cut(guide, window_), set, coarseness_);
 
   Tensor picture = guide.clone();  // outside the mask's window
   cut(picture, mask_window_).copy_(cut(inside, {0, 0, mask_window_.height, mask_window_.width}).clamp_min(0));

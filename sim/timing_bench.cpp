@@ -48,10 +48,9 @@ std::vector<TimingRow> bench_timing(const TimingBenchOptions& options) {
   sequence.settle = options.settle;
 
   std::vector<TimingRow> rows;
-  for (const capture::Timing timing :
-       {capture::Timing::kLockstep, capture::Timing::kPipelined, capture::Timing::kFreeRun}) {
-    const bool possible = options.times.triggered || timing != capture::Timing::kPipelined;
-    if (!possible) continue;  // without strobes of exposures that were asked for
+  for (const capture::Timing timing : capture::kTimings) {
+    // There are no strobes of exposures that were asked for.
+    if (timing == capture::Timing::kPipelined && !options.times.triggered) continue;
     core::VirtualClock clock;
     SimulatedRig rig(world, clock, options.times);
     TimingRow row{timing};

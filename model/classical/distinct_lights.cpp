@@ -8,7 +8,6 @@ namespace lightstage::model {
 
 namespace {
 
-constexpr double kSamePlace = 1e-4;  // radians
 constexpr double kOnALight = 1e-12;
 
 std::size_t first_within(std::span<const core::Vec3> points, core::Vec3 place, double distance) {

@@ -10,8 +10,10 @@
 
 namespace lightstage::model {
 
-// Lights closer together than 1e-4 radians (finer than any calibration) are one point and share its weight equally: an interpolant can have
-// but one value there.
+// Lights closer together than this many radians (finer than any calibration) stand in one place.
+inline constexpr double kSamePlace = 1e-4;
+
+// Lights in one place are one point and share its weight equally: an interpolant can have but one value there.
 class DistinctLights {
  public:
   // Throws BadInput for no lights. O(n points).

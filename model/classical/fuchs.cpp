@@ -5,14 +5,13 @@
 #include <limits>
 #include <vector>
 
+#include "core/display.h"
 #include "core/parallel.h"
 #include "model/classical/layers_between.h"
 
 namespace lightstage::model {
 
 namespace {
-
-constexpr double kGamma = 2.2;
 
 class Fuchs : public LightInterpolator {
  public:
@@ -66,10 +65,10 @@ class Fuchs : public LightInterpolator {
   }
 
   // In float64, where no ratio of floats overflows.
-  double encoded(double linear) const { return linear > 0 ? std::pow(linear / exposure_, 1 / kGamma) : 0; }
+  double encoded(double linear) const { return linear > 0 ? std::pow(linear / exposure_, 1 / core::kDisplayGamma) : 0; }
   float decoded(double value) const {
     constexpr double kLargest = std::numeric_limits<float>::max();
-    return value > 0 ? float(std::min(exposure_ * std::pow(value, kGamma), kLargest)) : 0.0F;
+    return value > 0 ? float(std::min(exposure_ * std::pow(value, core::kDisplayGamma), kLargest)) : 0.0F;
   }
 
   double modelled(const core::Image& diffuse, const core::Image& highlights, double visible, std::size_t v) const {

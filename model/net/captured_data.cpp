@@ -1,9 +1,11 @@
 #include <algorithm>
 
+#include "core/display.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "core/sphere.h"
+#include "model/classical/distinct_lights.h"
 #include "model/classical/radial_basis.h"
 #include "model/colour_gradients.h"
 #include "model/net/draws.h"
@@ -17,8 +19,6 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kGamma = 2.2;
-constexpr double kSamePlace = 1e-4;  // radians, as for the thin-plate weights
 constexpr std::size_t kGuideLights =
     256;  // farther ones weigh next to nothing, and the system is cubic in their number
 constexpr std::size_t kThinnedFrom = 128;
@@ -148,10 +148,10 @@ Tensor CapturedScan::gradients_without(std::size_t light, const Tensor& picture,
     const core::Vec3 share = gradient[light];
     shares.insert(shares.end(), {float(share.x), float(share.y), float(share.z)});
   }
-  const Tensor own = torch::tensor(shares).view({2, 3, 1, 1}) * picture.pow(kGamma);
-  return (pictures(gradients_, {0, 1}, window).pow(kGamma) - own)
+  const Tensor own = torch::tensor(shares).view({2, 3, 1, 1}) * picture.pow(core::kDisplayGamma);
+  return (pictures(gradients_, {0, 1}, window).pow(core::kDisplayGamma) - own)
       .clamp_min(0)
-      .pow(1 / kGamma)
+      .pow(1 / core::kDisplayGamma)
       .contiguous(at::MemoryFormat::ChannelsLast);
 }
 

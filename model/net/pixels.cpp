@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/display.h"
 #include "core/parallel.h"
 
 namespace lightstage::model {
@@ -13,7 +14,6 @@ namespace {
 
 using torch::Tensor;
 
-constexpr double kGamma = 2.2;
 constexpr double kBrightest = 1e30;  // its encoding squared is still a float
 
 Tensor clamped_range(int first, int count, std::int64_t size) {
@@ -48,18 +48,19 @@ Tensor to_display(core::ImageView linear, double exposure) {
   core::Image rgb = core::to_rgb(linear);
   const Tensor values = torch::from_blob(rgb.values().data(), {rgb.height(), rgb.width(), 3});
   const Tensor relative = (values.to(torch::kFloat64) / exposure).clamp(0, kBrightest).to(torch::kFloat32);
-  return relative.pow(1 / kGamma).permute({2, 0, 1});
+  return relative.pow(1 / core::kDisplayGamma).permute({2, 0, 1});
 }
 
 Tensor display_tensor(core::ImageView encoded) {
   core::Image rgb = core::to_rgb(encoded);
   const Tensor values = torch::from_blob(rgb.values().data(), {rgb.height(), rgb.width(), 3});
-  return values.clamp(0, std::pow(kBrightest, 1 / kGamma)).permute({2, 0, 1});
+  return values.clamp(0, std::pow(kBrightest, 1 / core::kDisplayGamma)).permute({2, 0, 1});
 }
 
 core::Image from_display(const Tensor& display, double exposure, int channels) {
   Tensor linear =
-      display.view({3, display.size(-2), display.size(-1)}).clamp_min(0).to(torch::kFloat64).pow(kGamma) * exposure;
+      display.view({3, display.size(-2), display.size(-1)}).clamp_min(0).to(torch::kFloat64).pow(core::kDisplayGamma) *
+      exposure;
   if (channels == 1) linear = linear.mean(0, true);
   const Tensor values = linear.to(torch::kFloat32).permute({1, 2, 0}).contiguous();
   core::Image image(int(values.size(0)), int(values.size(1)), int(values.size(2)));
@@ -74,6 +75,12 @@ Tensor cut(const Tensor& image, const Window& window) {
   }
   return image.index_select(-2, clamped_range(window.y, window.height, height))
       .index_select(-1, clamped_range(window.x, window.width, width));
+}
+
+Tensor pictures_in(const core::OlatScan& encoded, std::span<const std::size_t> lights, const Window& window) {
+  std::vector<Tensor> pictures;
+  for (const std::size_t light : lights) pictures.push_back(cut(display_tensor(*encoded.image(light)), window));
+  return torch::stack(pictures);
 }
 
 void prepare_torch() {

@@ -3,7 +3,11 @@
 
 #include <torch/torch.h>
 
+#include <cstddef>
+#include <span>
+
 #include "core/image.h"
+#include "core/olat_scan.h"
 
 namespace lightstage::model {
 
@@ -27,6 +31,9 @@ core::Image from_display(const torch::Tensor& display, double exposure, int chan
 
 // The pixels of a window, of [..., h, w]; beyond the border the border's pixels are repeated.
 torch::Tensor cut(const torch::Tensor& image, const Window& window);
+
+// What a window shows of a scan's pictures under these lights, [n, 3, h, w]; the scan is one of display_encoded() pictures.
+torch::Tensor pictures_in(const core::OlatScan& encoded, std::span<const std::size_t> lights, const Window& window);
 
 // Threads as core::thread_count() says, and memory kept by the process between uses; call before a run of network work.
 void prepare_torch();

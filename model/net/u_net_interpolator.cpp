@@ -27,8 +27,6 @@ class UNetInterpolator : public LightInterpolator {
   core::Image render(const core::Direction& query) const override;
 
  private:
-  Tensor pictures(const std::vector<std::size_t>& lights) const;
-
   core::OlatScan scan_, encoded_;
   std::unique_ptr<const Network> network_;
   double spacing_;
@@ -50,7 +48,7 @@ UNetInterpolator::UNetInterpolator(const core::OlatScan& scan, std::unique_ptr<c
   prepare_torch();
   if (const auto* xu = dynamic_cast<const XuNetwork*>(network_.get())) {
     fixed_lights_ = xu->select(scan.directions());
-    fixed_pictures_ = pictures(fixed_lights_);
+    fixed_pictures_ = pictures_in(encoded_, fixed_lights_, window_);
   } else if (dynamic_cast<const MekaNetwork*>(network_.get())) {
     std::vector<Tensor> gradients;
     for (const core::Image& gradient : colour_gradients(scan)) {
@@ -58,12 +56,6 @@ UNetInterpolator::UNetInterpolator(const core::OlatScan& scan, std::unique_ptr<c
     }
     fixed_pictures_ = torch::stack(gradients);
   }
-}
-
-Tensor UNetInterpolator::pictures(const std::vector<std::size_t>& lights) const {
-  std::vector<Tensor> images;
-  for (const std::size_t light : lights) images.push_back(cut(display_tensor(*encoded_.image(light)), window_));
-  return torch::stack(images);
 }
 
 core::Image UNetInterpolator::render(const core::Direction& query) const {
@@ -74,7 +66,8 @@ core::Image UNetInterpolator::render(const core::Direction& query) const {
       query, lights,
       fixed ? fixed_lights_ : core::nearest_indices(lights, query, std::size_t(network_->config().neighbours)),
       spacing_);
-  const Tensor inside = network_->predict(fixed ? fixed_pictures_ : pictures(set.lights), {}, set);
+  const Tensor inside =
+      network_->predict(fixed ? fixed_pictures_ : pictures_in(encoded_, set.lights, window_), {}, set);
 
   const double exposure = scan_.exposure();
   Tensor picture = to_display(outside_->render(query), exposure);
