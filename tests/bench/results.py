@@ -2,11 +2,11 @@
 """Ranks every method between the lights of simulated stages and on photographs, and writes the tables of docs/results.md.
 
     tests/bench/results.py build/release/lightstage OUT [--mesh FILE ...] [--procedural SEED ...] [--photographs STORE SCAN:EVERY ...]
-                           [--model METHOD=FILE ...] [--directions 40] [--every 16] [--size 256] > docs/results.md
+                           [--model ROW=FILE ...] [--directions 40] [--every 16] [--size 256] > docs/results.md
 
 OUT is a folder that is made once and used again: a store of the simulated subjects, and one file for each scan, protocol and method,
 so that an interrupted run goes on, and a method that is new is measured without the others. Delete its files to measure anew.
-Networks other than blend are measured where a file is given. linear is measured with four values of s besides its own, and its best is
+Networks other than blend are measured where a file is given: ROW is the method's name, or another name for an ablation of it. linear is measured with four values of s besides its own, and its best is
 a row of its own.
 """
 
@@ -48,27 +48,51 @@ def by_angle(rows):
     return {start: (end, images[start], math.sqrt(squares[start] / images[start])) for start, end in sorted(ends.items()) if images[start]}
 
 
+def origin_in_words(model):
+    """What a network is and what it was trained on, from what `model show` prints."""
+    configuration, origin = model["configuration"], model["provenance"]
+    words = f"{configuration['architecture']}, {model['parameters']:,} parameters"
+    if configuration["pooling"] != "alias_free":
+        words += f", {configuration['pooling']} pooling"
+    words += f", {origin['steps']:,} steps of crops of {origin['crop']} pixels"
+    data = origin.get("data")
+    if isinstance(data, dict):
+        return words + ", on simulated views with the truth between the lights"
+    return words + f", on captured scans, active set {origin['active_set']}"
+
+
 class Program:
     def __init__(self, path, out, models):
-        self.path, self.out, self.models = path, out, models  # models: method -> file
+        self.path, self.out = path, out
+        self.models = models  # row -> file
+        shown = {row: self.json(None, "model", "show", file) for row, file in models.items()}
+        self.origin = {row: origin_in_words(model) for row, model in shown.items()}
+        self.method_of = {row: model["configuration"]["architecture"] for row, model in shown.items()}
 
     def json(self, store, *arguments):
-        run = subprocess.run([self.path, *arguments, "--store", str(store), "--json"], stdout=subprocess.PIPE, check=True)
+        where = ["--store", str(store)] if store else []
+        run = subprocess.run([self.path, *arguments, *where, "--json"], stdout=subprocess.PIPE, check=True)
         return json.loads(run.stdout)
 
-    def judged(self, store, scan, protocol, methods, *options):
-        """A row for each method, measured or remembered; what is missing is measured by one command."""
-        kept = {method: self.out / ("-".join([scan, *protocol, method, *options]).replace("--", "") + ".json") for method in methods}
-        missing = [method for method in methods if not kept[method].exists()]
-        if missing:
-            print(scan, *protocol, ",".join(missing), *options, file=sys.stderr, flush=True)
-            models = ",".join(self.models[method] for method in missing if method in self.models)
-            report = self.json(store, "evaluate", scan, *protocol, "--method", ",".join(missing), *options, *(["--model", models] if models else []))
-            for row in report["methods"]:
-                unfinished = kept[row["name"]].with_suffix(".new")
-                unfinished.write_text(json.dumps(row))
-                unfinished.rename(kept[row["name"]])
-        return {method: json.loads(file.read_text()) for method, file in kept.items()}
+    def judged(self, store, scan, protocol, rows, *options):
+        """A result for each row of the table, measured or remembered."""
+        kept = {row: self.out / ("-".join([scan, *protocol, row, *options]).replace("--", "") + ".json") for row in rows}
+        missing = [row for row in rows if not kept[row].exists()]
+        # By one command what goes into one: a method stands there once.
+        ablations = [row for row in missing if self.method_of.get(row, row) != row]
+        for together in [[row for row in missing if row not in ablations], *([row] for row in ablations)]:
+            if not together:
+                continue
+            print(scan, *protocol, ",".join(together), *options, file=sys.stderr, flush=True)
+            models = ",".join(self.models[row] for row in together if row in self.models)
+            methods = {self.method_of.get(row, row): row for row in together}
+            report = self.json(store, "evaluate", scan, *protocol, "--method", ",".join(methods), *options, *(["--model", models] if models else []))
+            for result in report["methods"]:
+                file = kept[methods[result["name"]]]
+                unfinished = file.with_suffix(".new")
+                unfinished.write_text(json.dumps(result))
+                unfinished.rename(file)
+        return {row: json.loads(file.read_text()) for row, file in kept.items()}
 
 
 def capture_subjects(program, store, options):
@@ -132,7 +156,7 @@ def main():
     parser.add_argument("--mesh", nargs="*", default=[])
     parser.add_argument("--procedural", nargs="*", default=[])
     parser.add_argument("--photographs", nargs="*", default=[], metavar="STORE SCAN:EVERY ...")
-    parser.add_argument("--model", nargs="*", default=[], metavar="METHOD=FILE")
+    parser.add_argument("--model", nargs="*", default=[], metavar="ROW=FILE")
     parser.add_argument("--size", default="256")
     parser.add_argument("--directions", default="40")
     parser.add_argument("--every", default="16")
@@ -148,6 +172,7 @@ def main():
         needs_model = any(knob["option"] == "--model" for knob in info["knobs"]) and info["name"] not in OWN_MODEL
         if not needs_model or info["name"] in models:
             methods.append(info["name"])
+            methods += [row for row in models if row != info["name"] and program.method_of[row] == info["name"]]
 
     def measure(where, scans, protocol):
         """method -> a row for each scan."""
@@ -178,10 +203,9 @@ def main():
           "Errors are of display-encoded values over the mask; lower is better, but for MS-SSIM; the best of each column is bold. Times are of one image\n"
           "after the method was fitted, with all cores; the peak is the process's, with the scan in memory. Subjects and photographs were never trained on.")
     if models:
-        print("\nNetworks that do not come with the program, trained on other simulated subjects (`lightstage train --simulated`):\n")
-        for method, path in models.items():
-            shown = program.json(store, "model", "show", path)
-            print(f"- {method}: {shown['parameters']:,} parameters")
+        print("\nNetworks that do not come with the program (`lightstage train`):\n")
+        for row in models:
+            print(f"- {row}: {program.origin[row]}")
     for title, rows_of in sets:
         write_set(title, rows_of)
 
