@@ -228,6 +228,14 @@ Environment Environment::rotated(double degrees) const {
 }
 
 std::vector<DistantLight> Environment::lights(double box_radians) const {
+  std::vector<DistantLight> result;
+  for (const Patch& patch : patches(box_radians)) {
+    if (patch.light.irradiance != core::Vec3{}) result.push_back(patch.light);
+  }
+  return result;
+}
+
+std::vector<Patch> Environment::patches(double box_radians) const {
   if (!(box_radians >= 0)) throw core::UsageError("boxes of an environment need a size of at least 0");
   const auto pixels_in_box = [&](double pixel, int all) {
     return static_cast<int>(std::clamp(std::floor(box_radians / pixel), 1.0, double(all)));
@@ -235,20 +243,23 @@ std::vector<DistantLight> Environment::lights(double box_radians) const {
   const Boxes boxes{height(), width(), pixels_in_box(kPi / height(), height()),
                     pixels_in_box(2 * kPi / width(), width())};
   const Pixels pixels(*this);
-  std::vector<std::vector<DistantLight>> rows(std::size_t(boxes.rows()));
-  core::parallel_for(rows.size(), 1, [&](std::size_t first, std::size_t last) {
+  const std::size_t columns = std::size_t(boxes.columns());
+  std::vector<Patch> result(std::size_t(boxes.rows()) * columns);
+  core::parallel_for(std::size_t(boxes.rows()), 1, [&](std::size_t first, std::size_t last) {
     for (std::size_t row = first; row < last; ++row)
-      for (int column = 0; column < boxes.columns(); ++column) {
-        const Box box = boxes.at(int(row), column);
+      for (std::size_t column = 0; column < columns; ++column) {
+        const Box box = boxes.at(int(row), int(column));
+        const core::Direction middle = core::Direction::from_vector(pixels.middle(box));
+        Patch& patch = result[row * columns + column];
+        patch = {{middle, {}}, 0};
+        for (int y = box.top; y < box.bottom; ++y) patch.solid_angle += solid_angle(y) * (box.right - box.left);
         if (pixels.dark(box)) continue;
         Bundle bundle;
         for (int y = box.top; y < box.bottom; ++y)
           for (int x = box.left; x < box.right; ++x) bundle.add(pixels.irradiance(y, x), pixels.direction(y, x));
-        rows[row].push_back(bundle.light(core::Direction::from_vector(pixels.middle(box))));
+        patch.light = bundle.light(middle);
       }
   });
-  std::vector<DistantLight> result;
-  for (const auto& row : rows) result.insert(result.end(), row.begin(), row.end());
   return result;
 }
 

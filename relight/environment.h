@@ -17,6 +17,13 @@ namespace lightstage::relight {
 
 using model::DistantLight;
 
+// Some pixels of a map next to each other.
+struct Patch {
+  DistantLight
+      light;  // of all of them together, at the mean direction of their light; that of their middle where they are dark
+  double solid_angle = 0;  // steradians
+};
+
 class Environment {
  public:
   // Takes linear radiance of 1 to 4 channels (grey is repeated, alpha dropped); any size of at least 1x1.
@@ -44,6 +51,9 @@ class Environment {
   // small sun stays where it is and the first moment of the light is kept within each box. Energy is kept to
   // rounding. Rows of boxes go from the top, boxes from the left.
   std::vector<DistantLight> lights(double box_radians) const;
+
+  // The same boxes, dark ones too, with their solid angles, which sum to 4 pi.
+  std::vector<Patch> patches(double box_radians) const;
 
   // The map's light gathered onto given directions: every pixel gives all of its energy to the nearest of
   // them (the first of equally near ones). One light per direction, in their order, standing at the

@@ -1,0 +1,158 @@
+#include "relight/environment_relighter.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "core/error.h"
+#include "core/sphere.h"
+#include "model/picture_sum.h"
+#include "relight/plan_execution.h"
+#include "relight/relight.h"
+
+namespace lightstage::relight {
+
+namespace {
+
+using core::Vec3;
+using Timer = std::chrono::steady_clock;
+
+double seconds_since(Timer::time_point start) {
+  return std::chrono::duration<double>(Timer::now() - start).count();
+}
+
+void require_positive(double value, const char* what) {
+  if (!(value > 0) || !std::isfinite(value))
+    throw core::UsageError(std::string(what) + " must be above 0, not " + std::to_string(value));
+}
+
+std::size_t lit_pixels(const Environment& environment) {
+  const core::Image& radiance = environment.radiance();
+  std::size_t lit = 0;
+  for (int y = 0; y < radiance.height(); ++y)
+    for (int x = 0; x < radiance.width(); ++x) {
+      const float* pixel = radiance.pixel(y, x);
+      lit += pixel[0] > 0 || pixel[1] > 0 || pixel[2] > 0 ? 1 : 0;
+    }
+  return lit;
+}
+
+EnvironmentReport exhaustive(const model::LightInterpolator& method, const Environment& environment) {
+  RelightReport relit = relight_lights(method, environment.lights(0));
+  EnvironmentReport report;
+  report.image = std::move(relit.image);
+  report.directions_synthesised = relit.directions_synthesised;
+  report.seconds_synthesising = relit.seconds;
+  return report;
+}
+
+// For methods with linear weights.
+EnvironmentReport captured_alone(const model::LightInterpolator& method, const Environment& environment) {
+  // Weights vary over distances of the light spacing S. A box of side S/8 whose light stands at its mean direction errs first in the second moment,
+  // (S/8)^2/12 an axis: with a second derivative of about 2/S^2 (that of the alias-free weights at their default sharpness) that is at most 0.3 % of one box's
+  // light, and less over the map, where signs alternate.
+  constexpr double kBoxesPerSpacing = 8;
+  const core::OlatScan& scan = method.scan();
+  const std::vector<Vec3> colours =
+      method.captured_colours(environment.lights(core::median_spacing_radians(scan.directions()) / kBoxesPerSpacing));
+  model::PictureSum sum({scan.image_size().height, scan.image_size().width, 3});
+  EnvironmentReport report;
+  if (!colours.empty()) sum.add(scan, colours);
+  report.image = sum.result();
+  report.directions_captured =
+      std::size_t(std::count_if(colours.begin(), colours.end(), [](Vec3 c) { return c != Vec3{}; }));
+  return report;
+}
+
+EnvironmentReport report_of(core::Image image, Plan plan, const PlanExecution& execution) {
+  EnvironmentReport report;
+  report.image = std::move(image);
+  report.directions_synthesised = execution.directions_synthesised();
+  report.directions_captured = execution.directions_captured();
+  report.seconds_synthesising = execution.seconds();
+  report.dssim_estimate = plan.expected_error(ErrorMeasure::kDssim);
+  report.rms_estimate = plan.expected_error(ErrorMeasure::kRelativeRms);
+  report.plan = std::move(plan);
+  return report;
+}
+
+}  // namespace
+
+EnvironmentRelighter::EnvironmentRelighter(const model::LightInterpolator& method) : method_(method) {
+  const bool is_linear = !method.linear_weights(core::Direction()).empty();
+  if (!is_linear) captured_ = std::make_unique<const CapturedKnowledge>(method.scan());
+}
+
+Plan EnvironmentRelighter::plan(const Environment& environment, const ErrorGoal& goal) const {
+  require_positive(goal.error, "an error");
+  return captured_ ? EnvironmentPlanner(*captured_, method_.scan(), environment).within(goal) : Plan();
+}
+
+EnvironmentReport EnvironmentRelighter::relight(const Environment& environment, const Goal& goal) const {
+  const Timer::time_point start = Timer::now();
+  EnvironmentReport report;
+  if (!captured_) {
+    report = captured_alone(method_, environment);
+  } else if (const auto* error = std::get_if<ErrorGoal>(&goal)) {
+    report = within(environment, *error);
+  } else if (const auto* time = std::get_if<TimeGoal>(&goal)) {
+    report = within(environment, *time);
+  } else {
+    report = exhaustive(method_, environment);
+  }
+  report.directions_exhaustive = lit_pixels(environment);
+  report.seconds = seconds_since(start);
+  return report;
+}
+
+EnvironmentReport EnvironmentRelighter::within(const Environment& environment, const ErrorGoal& goal) const {
+  require_positive(goal.error, "an error");
+  const Timer::time_point start = Timer::now();
+  const EnvironmentPlanner planner(*captured_, method_.scan(), environment);
+  const double seconds_planning = seconds_since(start);
+  PlanExecution execution(*captured_, method_, planner.captured_colours());
+  const std::size_t all = lit_pixels(environment);
+  constexpr int kRounds = 3;  // one is mostly enough; a round more where errors turn out to be larger than expected
+  double error_scale = 1;
+  EnvironmentReport report;
+  for (int round = 0; round < kRounds; ++round) {
+    Plan plan = planner.within(goal, error_scale);
+    if (plan.pictures() > 0 && plan.pictures() >= all) {
+      report = exhaustive(method_, environment);
+      break;
+    }
+    core::Image image = execution.carry_out(plan);
+    report = report_of(std::move(image), std::move(plan), execution);
+    const bool met = report.plan.expected_error(goal.measure) <= goal.error;
+    if (met || execution.error_scale() <= error_scale) break;
+    error_scale = execution.error_scale();
+  }
+  report.seconds_planning = seconds_planning;
+  return report;
+}
+
+EnvironmentReport EnvironmentRelighter::within(const Environment& environment, const TimeGoal& goal) const {
+  require_positive(goal.seconds, "a time");
+  const Timer::time_point start = Timer::now();
+  const EnvironmentPlanner planner(*captured_, method_.scan(), environment);
+  const double seconds_planning = seconds_since(start);
+  // To sum the captured pictures at the end takes a third of what planning took, at most.
+  const Timer::time_point deadline = start + std::chrono::duration_cast<Timer::duration>(
+                                                 std::chrono::duration<double>(goal.seconds - seconds_planning / 3));
+  PlanExecution execution(*captured_, method_, planner.captured_colours());
+  // The first picture takes longer than those after it; the second tells how long they take.
+  for (const DistantLight& light : planner.at_most(2).synthesised) {
+    if (Timer::now() < deadline) execution.picture(light.direction);
+  }
+  const double left = std::chrono::duration<double>(deadline - Timer::now()).count();
+  const double more = std::clamp(left / std::max(execution.last_seconds(), 1e-6), 0.0, double(lit_pixels(environment)));
+  Plan plan = planner.at_most(execution.directions_synthesised() + std::size_t(more));
+  core::Image image = execution.carry_out(plan, deadline);
+  EnvironmentReport report = report_of(std::move(image), std::move(plan), execution);
+  report.seconds_planning = seconds_planning;
+  return report;
+}
+
+}  // namespace lightstage::relight
