@@ -45,7 +45,7 @@ std::string spectrum_plot(const std::string& title, const relight::EnvironmentAn
   constexpr double kRounding = 1e-14;  // of the whole: what is below it is no light
   const double all = std::accumulate(analysis.energy_by_degree.begin(), analysis.energy_by_degree.end(), 0.0);
   const double last = double(analysis.energy_by_degree.size() - 1);
-  PlotSeries each{.name = "a degree", .points = {}}, held{.name = "up to a degree", .points = {}};
+  PlotSeries each{.name = "each degree", .points = {}}, held{.name = "up to each degree", .points = {}};
   double sum = 0;
   for (std::size_t l = 0; l < analysis.energy_by_degree.size(); ++l) {
     const double share = all > 0 ? analysis.energy_by_degree[l] / all : 0;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <numbers>
+#include <numeric>
 #include <vector>
 
 #include "core/parallel.h"
@@ -12,7 +14,7 @@ namespace lightstage::relight {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
-constexpr double kSurroundRadius = 7 * kPi / 180;
+constexpr double kSurroundRadius = 8 * kPi / 180, kSurroundShare = 0.6;
 constexpr double kContrast = 2;
 constexpr int kWidth = 256, kHeight = 128;
 
@@ -21,67 +23,118 @@ double brightness(const Environment& map, int y, int x) {
   return double(p[0]) + double(p[1]) + double(p[2]);
 }
 
+// The area of a moving set of pixels by the rank of their brightness, as in Huang, Yang and Tang 1979, "A fast two-dimensional median filtering
+// algorithm", with sums over blocks of ranks so that a quantile is found in two short scans. Areas are whole numbers: what is added and taken away again
+// leaves nothing behind.
+class Histogram {
+ public:
+  explicit Histogram(std::size_t ranks) : areas_(ranks), blocks_((ranks - 1) / kBlock + 1) {}
+
+  void add(std::size_t rank, std::int64_t area) {
+    areas_[rank] += area;
+    blocks_[rank / kBlock] += area;
+    all_ += area;
+  }
+  void clear() {
+    std::fill(areas_.begin(), areas_.end(), 0);
+    std::fill(blocks_.begin(), blocks_.end(), 0);
+    all_ = 0;
+  }
+  // The lowest rank so that it and those below it have that share of the area.
+  std::size_t quantile(double share) const {
+    const auto enough = std::int64_t(std::ceil(share * double(all_)));
+    std::int64_t below = 0;
+    std::size_t block = 0;
+    while (below + blocks_[block] < enough) below += blocks_[block++];
+    std::size_t rank = block * kBlock;
+    while (below + areas_[rank] < enough) below += areas_[rank++];
+    return rank;
+  }
+
+ private:
+  static constexpr std::size_t kBlock = 128;
+  std::vector<std::int64_t> areas_, blocks_;
+  std::int64_t all_ = 0;
+};
+
 // A map's surround, and which pixels stand out of it.
 class Surround {
  public:
-  explicit Surround(const Environment& map)
-      : map_(map), medians_(std::size_t(map.height()) * std::size_t(map.width())) {
-    core::parallel_for(std::size_t(map.height()), 1, [&](std::size_t first, std::size_t last) {
-      for (std::size_t y = first; y < last; ++y) fill_row(int(y));
+  explicit Surround(const Environment& map) : map_(map), level_(pixel_count()), ranks_(pixel_count()) {
+    rank();
+    core::parallel_for(std::size_t(map.height()), 8, [&](std::size_t first, std::size_t last) {
+      Histogram histogram(pixel_count());
+      for (std::size_t y = first; y < last; ++y) fill_row(int(y), histogram);
     });
   }
 
   double excess(double brightness, int y, int x) const {
-    return std::max(0.0, brightness - kContrast * medians_[index(y, x)]);
+    return std::max(0.0, brightness - kContrast * level_[index(y, x)]);
   }
   double excess(int y, int x) const { return excess(brightness(map_, y, x), y, x); }
   std::size_t index(int y, int x) const { return std::size_t(y) * std::size_t(map_.width()) + std::size_t(x); }
 
  private:
-  struct Value {
-    double brightness, solid_angle;
+  // What a disc covers of a row.
+  struct Chord {
+    int row, columns_to_either_side;
+    std::int64_t pixel_area;
   };
 
-  double latitude(int y) const { return kPi * (0.5 - (y + 0.5) / map_.height()); }
+  std::size_t pixel_count() const { return std::size_t(map_.height()) * std::size_t(map_.width()); }
 
-  // How many columns to either side the disc about a pixel of row y reaches in row `other`; -1 where it does not.
-  int reach(int y, int other) const {
-    const double a = latitude(y), b = latitude(other);
-    const double cosine = (std::cos(kSurroundRadius) - std::sin(a) * std::sin(b)) / (std::cos(a) * std::cos(b));
-    if (cosine > 1) return y == other ? 0 : -1;  // at least the pixel itself
-    return int(std::acos(std::max(cosine, -1.0)) / (2 * kPi) * map_.width());
+  void rank() {
+    std::vector<double> values;
+    for (int y = 0; y < map_.height(); ++y)
+      for (int x = 0; x < map_.width(); ++x) values.push_back(brightness(map_, y, x));
+    std::vector<std::size_t> order(values.size());
+    std::iota(order.begin(), order.end(), std::size_t(0));
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return values[a] < values[b]; });
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      ranks_[order[i]] = i;
+      by_rank_.push_back(values[order[i]]);
+    }
   }
 
-  void fill_row(int y) {
+  // The rows of the disc about any pixel of row y; the pixel itself always belongs to it.
+  std::vector<Chord> chords(int y) const {
+    const auto latitude = [&](int row) { return kPi * (0.5 - (row + 0.5) / map_.height()); };
+    constexpr double kAreaUnits = 0x1p40;  // a steradian
+    std::vector<Chord> result;
+    for (int row = 0; row < map_.height(); ++row) {
+      const double a = latitude(y), b = latitude(row);
+      const double cosine = (std::cos(kSurroundRadius) - std::sin(a) * std::sin(b)) / (std::cos(a) * std::cos(b));
+      if (cosine > 1 && row != y) continue;
+      const double longitude = std::acos(std::clamp(cosine, -1.0, 1.0));
+      result.push_back(
+          {row, int(longitude / (2 * kPi) * map_.width()), std::llround(map_.solid_angle(row) * kAreaUnits)});
+    }
+    return result;
+  }
+
+  void fill_row(int y, Histogram& histogram) {
     const int width = map_.width();
-    std::vector<Value> disc;
-    const int rows = int(kSurroundRadius / kPi * map_.height()) + 1;
+    const std::vector<Chord> disc = chords(y);
+    const auto rank_at = [&](int row, int x) { return ranks_[index(row, (x % width + width) % width)]; };
+    histogram.clear();
+    for (const Chord& chord : disc) {
+      const int half = chord.columns_to_either_side, count = std::min(2 * half + 1, width);
+      for (int i = 0; i < count; ++i) histogram.add(rank_at(chord.row, i - half), chord.pixel_area);
+    }
     for (int x = 0; x < width; ++x) {
-      disc.clear();
-      for (int other = std::max(0, y - rows); other <= std::min(map_.height() - 1, y + rows); ++other) {
-        const int columns = reach(y, other);
-        const int count = std::min(2 * columns + 1, width);
-        for (int i = 0; i < count; ++i)
-          disc.push_back(
-              {brightness(map_, other, ((x - columns + i) % width + width) % width), map_.solid_angle(other)});
+      level_[index(y, x)] = by_rank_[histogram.quantile(kSurroundShare)];
+      for (const Chord& chord : disc) {
+        const int half = chord.columns_to_either_side;
+        if (2 * half + 1 >= width) continue;  // all of the row, wherever the disc is
+        histogram.add(rank_at(chord.row, x - half), -chord.pixel_area);
+        histogram.add(rank_at(chord.row, x + 1 + half), chord.pixel_area);
       }
-      medians_[index(y, x)] = median(disc);
     }
-  }
-
-  static double median(std::vector<Value>& values) {
-    std::sort(values.begin(), values.end(), [](const Value& a, const Value& b) { return a.brightness < b.brightness; });
-    double all = 0, below = 0;
-    for (const Value& value : values) all += value.solid_angle;
-    for (const Value& value : values) {
-      below += value.solid_angle;
-      if (below >= all / 2) return value.brightness;
-    }
-    return values.back().brightness;
   }
 
   const Environment& map_;
-  std::vector<double> medians_;
+  std::vector<double> level_, by_rank_;
+  std::vector<std::size_t> ranks_;
 };
 
 // Numbers the groups of pixels that stand out and touch, sides and corners, across the seam and the poles; 0 is none.

@@ -20,12 +20,12 @@ struct SmallSources {
   std::optional<LightSource> brightest;
 };
 
-// The light (radiance times solid angle, red, green and blue added) that stands out: what of a pixel's radiance is above twice the median within
-// 7 degrees of it. A source stands out with what it is brighter than its surround, however bright it is (a median does not follow it), as long as it
-// covers less than half of these 7 degrees: sources to 10 degrees across, which is nearly the distance between the lights of a stage of 302 (11.7
-// degrees). Larger panels, gradients and the usual texture of a scene do not count; neither does anything in maps whose pixels are 7 degrees wide or more.
+// The light (radiance times solid angle, red, green and blue added) that stands out: what of a pixel's radiance is above twice its surround's, which is the
+// radiance that 60 % of the area within 8 degrees does not exceed. A source counts, however bright, as long as it covers less than 40 % of that area:
+// to 10 degrees across, which is nearly the distance between the lights of a stage of 302 (11.7 degrees). Wider panels do not count (half of the
+// area would do, but for their rims), nor do gradients and the usual texture of a scene, nor anything in maps whose pixels are 8 degrees wide or more.
 // Larger maps are brought to 256x128 for it. Pixels that stand out and touch each other are one source; the brightest is that with the most light, and
-// measured in the map as it is. A map without light has no sources. Time: about 0.2 s, and looking at every pixel once or twice.
+// measured in the map as it is. A map without light has no sources. Time: that of looking at every pixel a few times.
 SmallSources small_sources(const Environment& environment);
 
 }  // namespace lightstage::relight
