@@ -275,7 +275,7 @@ Environment Environment::resized(int width, int height) const {
       }
       for (std::size_t x = 0; x < columns.size(); ++x) {
         core::Vec3 mean;
-        const double* source = row.data() + 3 * columns[x].first;
+        const double* source = row.data() + 3 * std::size_t(columns[x].first);
         for (const double weight : columns[x].weights) {
           mean = mean + weight * core::Vec3{source[0], source[1], source[2]};
           source += 3;

@@ -70,9 +70,10 @@ class RowMeans {
       if (m > 0) sectoral *= std::sqrt((2 * m + 1.0) / (2 * m));
       sectoral_.push_back(sectoral);
       first_step_.push_back(steps_.size());
-      for (double l = m + 1; l <= degree; ++l) {
-        const double a = std::sqrt((4 * l * l - 1) / (l * l - double(m) * m));
-        const double b = std::sqrt(((l - 1) * (l - 1) - double(m) * m) / (4 * (l - 1) * (l - 1) - 1));
+      for (int degree_l = m + 1; degree_l <= degree; ++degree_l) {
+        const double l = degree_l, mm = double(m) * m;
+        const double a = std::sqrt((4 * l * l - 1) / (l * l - mm));
+        const double b = std::sqrt(((l - 1) * (l - 1) - mm) / (4 * (l - 1) * (l - 1) - 1));
         steps_.push_back({a, a * b});
       }
     }
@@ -264,8 +265,8 @@ std::vector<double> blur_weights(double sigma_radians) {
   constexpr double kLeast = 1e-9;
   std::vector<double> weights;
   if (std::isfinite(sigma_radians) && sigma_radians > 0) {
-    for (double l = 0; l <= Harmonics::kMaxDegree; ++l) {
-      weights.push_back(std::exp(-l * (l + 1) * sigma_radians * sigma_radians / 2));
+    for (int l = 0; l <= Harmonics::kMaxDegree; ++l) {
+      weights.push_back(std::exp(-double(l) * (l + 1) * sigma_radians * sigma_radians / 2));
       if (weights.back() < kLeast) return weights;
     }
   }

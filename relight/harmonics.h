@@ -3,7 +3,7 @@
 // A map is taken for what Environment says it is: pixels are areas that tile the sphere, each of one radiance. Coefficients are the exact
 // integrals of that function, and maps made from coefficients hold the exact mean over each pixel; so light is kept (degree 0 to rounding,
 // whatever the size), maps of 1x2 pixels are as valid as others, and a single bright pixel is a disc-like source and no point. The price is
-// that a pixel is a low-pass filter: of what changes by degree l, a map H pixels high holds about 1 - (pi l / H)^2 / 12 a passage.
+// that pixels blur: of what there is of degree l, drawing or reading a map H pixels high keeps 1 - (pi l / H)^2 / 12 of the energy, about.
 //
 // Y_lm = N_lm P_l|m|(sin latitude) times sqrt(2) cos(m longitude) for m > 0, 1 for m = 0, sqrt(2) sin(|m| longitude) for m < 0, orthonormal
 // over the sphere, without the Condon-Shortley phase. The axis is +y; longitude and latitude are those of Environment.
@@ -30,7 +30,7 @@ class Harmonics {
 
   int degree() const { return degree_; }
   // Red, green and blue of Y_lm, in radiance times the root of steradians; 0 <= l <= degree(), -l <= m <= l.
-  core::Vec3 coefficient(int l, int m) const { return coefficients_[std::size_t(l * l + l + m)]; }
+  core::Vec3 coefficient(int l, int m) const { return coefficients_[std::size_t(std::ptrdiff_t(l) * (l + 1) + m)]; }
 
   // For each degree, the sum over m and the three channels of the squared coefficients: the integral over the sphere of the squared radiance of
   // that degree, in radiance^2 steradians, unchanged by rotations of the light. All degrees together have the integral of the squared map.

@@ -210,9 +210,9 @@ SmallSources small_sources(const Environment& environment) {
   core::Direction peak;
   double highest = 0;
   for (int y = 0; y < environment.height(); ++y) {
-    const int row = int((2 * std::int64_t(y) + 1) * map.height() / (2 * environment.height()));
+    const int row = int((2 * std::int64_t(y) + 1) * map.height() / (2 * std::int64_t(environment.height())));
     for (int x = 0; x < environment.width(); ++x) {
-      const int column = int((2 * std::int64_t(x) + 1) * map.width() / (2 * environment.width()));
+      const int column = int((2 * std::int64_t(x) + 1) * map.width() / (2 * std::int64_t(environment.width())));
       if (groups.number(surround.index(row, column)) != brightest) continue;
       const double excess = surround.excess(brightness(environment, y, x), row, column);
       if (!(excess > 0)) continue;
