@@ -23,6 +23,7 @@ void add_superres(CLI::App& program, Context& context);
 void add_relight(CLI::App& program, Context& context);
 void add_normals(CLI::App& program, Context& context);
 void add_sky(CLI::App& program, Context& context);
+void add_analyze_env(CLI::App& program, Context& context);
 void add_methods(CLI::App& program, Context& context);
 void add_evaluate(CLI::App& program, Context& context);
 void add_store(CLI::App& program, Context& context);

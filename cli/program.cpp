@@ -91,6 +91,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_relight(program, context);
   add_normals(program, context);
   add_sky(program, context);
+  add_analyze_env(program, context);
   add_methods(program, context);
   add_evaluate(program, context);
   add_store(program, context);

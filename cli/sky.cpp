@@ -30,7 +30,9 @@ void add_sky(CLI::App& program, Context& context) {
   command->add_option("--out", options->out, "The .exr or .hdr to write")->required();
   command->callback([options, &context] {
     options->sky.sun = direction_option("--sun", options->sun);
-    core::write_image(options->out, relight::clear_sky(options->sky).radiance());
+    // Half floats would cut off the sun of a large map.
+    core::write_image(options->out, relight::clear_sky(options->sky).radiance(),
+                      {.pixel_type = core::PixelType::kFloat});
     context.result("wrote " + options->out.string() + "\n", {{"file", options->out.string()}});
   });
 }

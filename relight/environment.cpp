@@ -176,6 +176,36 @@ class Gatherer {
   std::vector<Bundle> sums_;
 };
 
+// Which rows (or columns) of one map a row of another covers, and how much of its area each is; the weights sum to 1.
+struct Overlaps {
+  int first = 0;
+  std::vector<double> weights;
+};
+
+// The area of what lies from `low` to `high` of `all` equal steps between the poles, or around the axis, as a share of the sphere.
+double parallels_area(std::int64_t low, std::int64_t high, std::int64_t all) {
+  const std::int64_t middle = std::min(low + high, 2 * all - low - high);  // from the nearer pole, as in solid_angle
+  return std::sin(kPi * double(middle) / double(2 * all)) * std::sin(kPi * double(high - low) / double(2 * all));
+}
+double meridians_area(std::int64_t low, std::int64_t high, std::int64_t all) {
+  return double(high - low) / double(all);
+}
+
+// Borders are compared as multiples of 1 / (from to): exactly.
+std::vector<Overlaps> overlaps(std::int64_t from, std::int64_t to,
+                               double (*area)(std::int64_t, std::int64_t, std::int64_t)) {
+  std::vector<Overlaps> result;
+  for (std::int64_t i = 0; i < to; ++i) {
+    const double whole = area(i * from, (i + 1) * from, from * to);
+    Overlaps covered{.first = int(i * from / to), .weights = {}};
+    for (std::int64_t j = covered.first; j * to < (i + 1) * from; ++j)
+      covered.weights.push_back(area(std::max(j * to, i * from), std::min((j + 1) * to, (i + 1) * from), from * to) /
+                                whole);
+    result.push_back(std::move(covered));
+  }
+  return result;
+}
+
 }  // namespace
 
 Environment::Environment(core::ImageView radiance) {
@@ -199,10 +229,10 @@ core::Direction Environment::direction(int y, int x) const {
 
 // sin a - sin b = 2 cos((a + b)/2) sin((a - b)/2); the cosine of the latitude as the sine of the angle to the
 // nearer pole keeps all its digits there.
-double Environment::solid_angle(int y) const {
-  const int from_pole = std::min(y, height() - 1 - y);
-  return 4 * kPi / width() * std::sin(kPi * double(2 * from_pole + 1) / double(2 * height())) *
-         std::sin(kPi / double(2 * height()));
+double Environment::solid_angle(int y, int height, int width) {
+  const int from_pole = std::min(y, height - 1 - y);
+  return 4 * kPi / width * std::sin(kPi * double(2 * from_pole + 1) / double(2 * height)) *
+         std::sin(kPi / double(2 * height));
 }
 
 Environment Environment::rotated(double degrees) const {
@@ -225,6 +255,41 @@ Environment Environment::rotated(double degrees) const {
       }
   });
   return turned;
+}
+
+Environment Environment::resized(int width, int height) const {
+  if (width < 1 || height < 1)
+    throw core::UsageError("an environment needs at least 1x1 pixels, not " + std::to_string(width) + "x" +
+                           std::to_string(height));
+  if (width == this->width() && height == this->height()) return *this;
+  const std::vector<Overlaps> rows = overlaps(this->height(), height, parallels_area);
+  const std::vector<Overlaps> columns = overlaps(this->width(), width, meridians_area);
+  core::Image image(height, width, 3);
+  core::parallel_for(std::size_t(height), 4, [&](std::size_t first, std::size_t last) {
+    std::vector<double> row(3 * std::size_t(this->width()));
+    for (std::size_t y = first; y < last; ++y) {
+      std::fill(row.begin(), row.end(), 0.0);
+      for (std::size_t i = 0; i < rows[y].weights.size(); ++i) {
+        const float* source = radiance_.pixel(rows[y].first + int(i), 0);
+        for (std::size_t v = 0; v < row.size(); ++v) row[v] += rows[y].weights[i] * double(source[v]);
+      }
+      for (std::size_t x = 0; x < columns.size(); ++x) {
+        core::Vec3 mean;
+        const double* source = row.data() + 3 * std::size_t(columns[x].first);
+        for (const double weight : columns[x].weights) {
+          mean = mean + weight * core::Vec3{source[0], source[1], source[2]};
+          source += 3;
+        }
+        float* pixel = image.pixel(int(y), int(x));
+        pixel[0] = float(mean.x);
+        pixel[1] = float(mean.y);
+        pixel[2] = float(mean.z);
+      }
+    }
+  });
+  Environment result(image);
+  result.negative_values_ = negative_values_;
+  return result;
 }
 
 std::vector<DistantLight> Environment::lights(double box_radians) const {

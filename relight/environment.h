@@ -39,12 +39,17 @@ class Environment {
   // The direction of a pixel's centre, and the solid angle of the pixel (exact: 2 pi / width times the
   // difference of the latitudes' sines, so the sum over the map is 4 pi).
   core::Direction direction(int y, int x) const;
-  double solid_angle(int y) const;
+  double solid_angle(int y) const { return solid_angle(y, height(), width()); }
+  static double solid_angle(int y, int height, int width);
   const core::Image& radiance() const { return radiance_; }  // 3 channels, not negative
 
   // Turned about +y: what was at longitude 0 comes to `degrees`. Exact for multiples of a pixel, linear in
   // between; every row keeps its energy. Throws UsageError for an angle that is not finite.
   Environment rotated(double degrees) const;
+
+  // The map at another size: each pixel is the mean over its area of the pixels that it covers (weighted by solid angle), upwards as downwards,
+  // so that energy is kept, pole or seam, to the rounding of a float32 pixel. The same size is bit-equal. Throws UsageError for sizes < 1.
+  Environment resized(int width, int height) const;
 
   // The map as one light per box of pixels no wider and no higher than `box_radians` (at least one pixel),
   // boxes without light left out. The light stands at the energy-weighted mean direction of its pixels, so a

@@ -10,8 +10,9 @@ using test::run_program;
 TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
   for (const std::string command :
-       {"init",    "stage", "capture", "calibrate", "align", "import", "export", "train",  "superres",   "relight",
-        "normals", "sky",   "methods", "evaluate",  "store", "model",  "bench",  "doctor", "lights-off", "demo"}) {
+       {"init",  "stage",    "capture", "calibrate", "align",      "import",  "export",
+        "train", "superres", "relight", "normals",   "sky",        "methods", "evaluate",
+        "store", "model",    "bench",   "doctor",    "lights-off", "demo",    "analyze-env"}) {
     INFO(command);
     const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);

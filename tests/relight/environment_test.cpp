@@ -184,6 +184,56 @@ TEST_CASE("turning by +90 degrees brings the light of +z to +x, and a part of a 
   CHECK_THROWS_AS(environment.rotated(INFINITY), core::UsageError);
 }
 
+TEST_CASE("a resized map keeps its light, and is the plain mean over what each pixel covers") {
+  for (const auto& [height, width] : {std::pair{1, 1}, {1, 2}, {3, 7}, {31, 64}, {128, 256}}) {
+    const Environment map(rough_map(height, width));
+    CHECK(map.resized(width, height).radiance() == map.radiance());
+    for (const auto& [to_height, to_width] :
+         {std::pair{1, 1}, {1, 2}, {2, 1}, {5, 9}, {32, 64}, {30, 65}, {257, 500}}) {
+      CAPTURE(height, width, to_height, to_width);
+      const Environment other = map.resized(to_width, to_height);
+      CHECK(other.radiance().size() == core::ImageSize{to_height, to_width, 3});
+      require_same_energy(total_of(other), total_of(map), 1e-7);
+    }
+  }
+  // Whole blocks of pixels become one, weighted by their solid angles; a pixel becomes a block of its own value.
+  const Environment fine(rough_map(12, 30));
+  const Environment coarse = fine.resized(10, 4);
+  for (int y = 0; y < 4; ++y)
+    for (int x = 0; x < 10; ++x) {
+      double sum = 0, area = 0;
+      for (int i = 3 * y; i < 3 * y + 3; ++i)
+        for (int j = 3 * x; j < 3 * x + 3; ++j) {
+          sum += fine.radiance()(i, j, 1) * fine.solid_angle(i);
+          area += fine.solid_angle(i);
+        }
+      CHECK(coarse.radiance()(y, x, 1) == Approx(sum / area).epsilon(1e-6));
+    }
+  const Environment back = coarse.resized(30, 12);
+  for (int y = 0; y < 12; ++y)
+    for (int x = 0; x < 30; ++x) CHECK(back.radiance()(y, x, 2) == coarse.radiance()(y / 3, x / 3, 2));
+  CHECK_THROWS_AS(fine.resized(0, 4), core::UsageError);
+  CHECK_THROWS_AS(fine.resized(4, -1), core::UsageError);
+}
+
+TEST_CASE("resized maps keep a sun where it is, a constant constant, and count what was negative") {
+  const Environment sky(constant_map(61, 122, 0.3f));
+  for (const auto& [height, width] : {std::pair{7, 5}, {64, 128}, {500, 333}})
+    CHECK(sky.resized(width, height).radiance() == constant_map(height, width, 0.3f));
+  Image image(64, 128, 3);
+  image(20, 127, 0) = 1e6f;  // at the seam
+  image(0, 0, 0) = -1;
+  const Environment map(image);
+  const Environment small = map.resized(37, 19);
+  CHECK(small.negative_values() == 1);
+  CHECK(core::angle_radians(small.lights(100)[0].direction, map.direction(20, 127)) < kPi / 19);
+  core::set_thread_count(1);
+  const Image alone = Environment(rough_map(211, 419)).resized(100, 77).radiance();
+  core::set_thread_count(3);
+  CHECK(Environment(rough_map(211, 419)).resized(100, 77).radiance() == alone);
+  core::set_thread_count(0);
+}
+
 TEST_CASE("gathering gives every pixel to the nearest direction, as comparing with all of them does") {
   std::vector<std::vector<Direction>> sets{core::fibonacci_directions(1),
                                            core::fibonacci_directions(2),
