@@ -51,11 +51,12 @@ std::vector<core::Direction> cap_directions(const core::Direction& axis, double 
 
 // Two things can betray single samples.
 //
-// A shadow's edge: under each sample it is sharp, and the penumbra is a staircase of them. What casts it is seldom
-// farther than half the picture's height H from where it falls, so that across the light's diameter 2 r the edge sweeps
-// at most (H/2) 2 r = H r pixels. No two directions of the spiral fall together when they are projected on the way
-// of the edge, so H r of them make steps of about one pixel, each of 1/(H r) of the light, which edges that are a pixel soft
-// themselves fill. This grows with r.
+// A shadow's edge: under each sample it is sharp, and the penumbra is a staircase of n of them. What casts it is seldom farther
+// than half the picture's height H from where it falls, so that across the light's diameter 2 r the edge sweeps at most
+// (H/2) 2 r = H r pixels. No two directions of the spiral fall together when they are projected on the edge's way, so the
+// stairs are 1/n of the light high (at the worst place the sum is 1.4/n off). 128 of them are below what eight bits show of
+// all but the darkest places; below a sweep of one pixel fewer will do, since an edge is itself a pixel soft; and with more pixels than
+// stairs, every pixel gets one of its own. This grows with r.
 //
 // Highlights and whatever else changes with the light in both of its angles: between the captured lights, D apart, no
 // method makes anything appear and vanish again, so that samples a fraction of D apart see all that there is. A quarter
@@ -64,11 +65,12 @@ std::vector<core::Direction> cap_directions(const core::Direction& axis, double 
 int area_samples(const model::LightInterpolator& interpolator, double radius_degrees) {
   require_radius(radius_degrees);
   if (radius_degrees == 0) return 1;
-  constexpr double kMost = 100000;
+  constexpr double kMost = 100000, kStairs = 128;
   const core::OlatScan& scan = interpolator.scan();
   const bool has_linear_weights = !interpolator.linear_weights(core::Direction()).empty();
   const double between = core::median_spacing_radians(scan.directions()) / (has_linear_weights ? 8 : 4);
-  const double for_edges = scan.image_size().height * core::radians_from_degrees(radius_degrees);
+  const double sweep = scan.image_size().height * core::radians_from_degrees(radius_degrees);
+  const double for_edges = std::max(kStairs * std::min(1.0, sweep), sweep);
   const double for_highlights = 2 * std::numbers::pi * cap_height(radius_degrees) / (between * between);
   return static_cast<int>(std::ceil(std::clamp(std::max(for_edges, for_highlights), 1.0, kMost)));
 }
