@@ -51,8 +51,8 @@ ordered_json frame_json(const MadePicture& picture) {
           {"seconds", picture.seconds}};
 }
 
-void report(const Options& options, const std::string& method, const std::vector<MadePicture>& pictures,
-            const Context& context) {
+void report(const Options& options, const std::string& method, const PicturePlace& place,
+            const std::vector<MadePicture>& pictures, const Context& context) {
   const MadePicture &first = pictures.front(), &last = pictures.back();
   std::size_t already_made = 0, directions_synthesised = 0;
   double seconds = 0;
@@ -80,7 +80,7 @@ void report(const Options& options, const std::string& method, const std::vector
                     {"stops", first.stops},
                     {"exr", first.files.exr.string()},
                     {"png", first.files.png.string()}};
-  if (several || first.already_made) {
+  if (place.is_folder()) {
     json["already_made"] = already_made;
     json["frames"] = frames;
   }
@@ -113,7 +113,7 @@ void run_relight(const Options& options, Context& context) {
   const std::vector<MadePicture> pictures = make_pictures(jobs, place, files, options.frames, source.scan.mask(), [&] {
     return model::make_interpolator(choice.method, source.scan, choice.options);
   });
-  report(options, choice.method, pictures, context);
+  report(options, choice.method, place, pictures, context);
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ class PicturePlace {
 // alignment, mask, program version and recipe are: a recipe is the JSON of all else that decides how a picture looks.
 class PictureFiles {
  public:
-  // Both must outlive this.
+  // `store` must outlive this.
   PictureFiles(db::Store& store, const db::Scan& scan, const db::LoadedScan& source,
                const std::filesystem::path& folder);
 
