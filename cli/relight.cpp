@@ -92,6 +92,9 @@ void run_relight(const Options& options, Context& context) {
   std::vector<Sequence> all = sequences(options.light);
   const PicturePlace place(options.out, picture_count(all));
   require_no_input(place, all);
+  if (options.frames.samples &&
+      std::all_of(all.begin(), all.end(), [](const Sequence& s) { return s.rig.lights.empty(); }))
+    throw core::UsageError("--samples is for area lights, and there is no light");
   db::Store store = context.open_store();
   store.require_writable();
   const db::Scan scan = store.scan(options.name);
