@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
@@ -6,133 +8,152 @@
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/options.h"
+#include "cli/relight/make_pictures.h"
 #include "core/error.h"
-#include "core/progress.h"
-#include "db/content_hash.h"
-#include "relight/picture.h"
-#include "relight/relight.h"
 
 namespace lightstage::cli {
 
 namespace {
 
+using nlohmann::ordered_json;
+
 struct Options {
   std::string name;
-  std::string light;
-  double radius_degrees = 0;
-  int samples = 64;
-  std::filesystem::path environment;
-  double rotate_degrees = 0;
-  std::size_t virtual_lights = 512;
+  LightOptions light;
+  FrameOptions frames;
   std::optional<double> exposure_stops;
   std::filesystem::path out;
   MethodChoice method;
 };
 
-relight::RelightReport relit(const Options& options, const std::optional<core::Direction>& light,
-                             const model::LightInterpolator& interpolator) {
-  if (light) {
-    return options.radius_degrees > 0
-               ? relight::relight_area(interpolator, *light, options.radius_degrees, options.samples)
-               : relight::relight_direction(interpolator, *light);
+std::size_t picture_count(const std::vector<Sequence>& all) {
+  std::size_t count = 0;
+  for (const Sequence& sequence : all) count += std::size_t(sequence.rig.frames);
+  return count;
+}
+
+// A folder protects what is in it; a file with a name of its own is written over.
+void require_no_input(const PicturePlace& place, const std::vector<Sequence>& all) {
+  for (const Sequence& sequence : all) {
+    std::error_code not_there;
+    if (sequence.rig.environment &&
+        std::filesystem::equivalent(place.path(), sequence.rig.environment->file, not_there))
+      throw core::UsageError("--out: '" + place.path().string() + "' is the environment itself");
   }
-  const relight::Environment environment = relight::Environment::read(options.environment);
-  if (environment.negative_values() > 0) {
-    core::warn(options.environment.string() + ": " + std::to_string(environment.negative_values()) +
-               " negative values count as 0");
+}
+
+ordered_json frame_json(const MadePicture& picture) {
+  return {{"file", picture.files.exr.string()},
+          {"png", picture.files.png.string()},
+          {"stops", picture.stops},
+          {"already_made", picture.already_made},
+          {"directions_synthesised", picture.directions_synthesised},
+          {"seconds", picture.seconds}};
+}
+
+void report(const Options& options, const std::string& method, const PicturePlace& place,
+            const std::vector<MadePicture>& pictures, const Context& context) {
+  const MadePicture &first = pictures.front(), &last = pictures.back();
+  std::size_t already_made = 0, directions_synthesised = 0;
+  double seconds = 0;
+  ordered_json frames = ordered_json::array();
+  for (const MadePicture& picture : pictures) {
+    already_made += picture.already_made ? 1 : 0;
+    directions_synthesised += picture.directions_synthesised;
+    seconds += picture.seconds;
+    frames.push_back(frame_json(picture));
   }
-  return relight::relight_environment(
-      interpolator, options.rotate_degrees == 0 ? environment : environment.rotated(options.rotate_degrees),
-      options.virtual_lights);
+  const bool several = pictures.size() > 1;
+  std::string text;
+  if (already_made < pictures.size())
+    text = "relit '" + options.name + "' by " + method + " from " + std::to_string(directions_synthesised) +
+           " synthesised pictures in " + fixed(seconds, 2) + " s\n";
+  if (already_made > 0)
+    text += std::to_string(already_made) + " of " + std::to_string(pictures.size()) + " pictures were there already\n";
+  text += std::string(first.already_made ? "" : "wrote ") + first.files.exr.string() +
+          (several ? " to " + last.files.exr.string() + ", each with its .png" : " and " + first.files.png.string()) +
+          " (" + fixed(first.stops, 2) + " stops)\n";
+  ordered_json json{{"scan", options.name},
+                    {"method", method},
+                    {"directions_synthesised", directions_synthesised},
+                    {"seconds", seconds},
+                    {"stops", first.stops},
+                    {"exr", first.files.exr.string()},
+                    {"png", first.files.png.string()}};
+  if (place.is_folder()) {
+    json["already_made"] = already_made;
+    json["frames"] = frames;
+  }
+  context.result(text, json);
 }
 
 void run_relight(const Options& options, Context& context) {
-  if (options.light.empty() == options.environment.empty()) {
-    throw core::UsageError("give one light: --light x,y,z, or --env FILE");
-  }
   // What is wrong with the command line is said before a large scan is read.
-  std::optional<core::Direction> light;
-  if (!options.light.empty()) light = direction_option("--light", options.light);
-  if (options.out.extension() != ".exr")
-    throw core::UsageError("--out: '" + options.out.string() + "' must end in .exr");
+  std::vector<Sequence> all = sequences(options.light);
+  const PicturePlace place(options.out, picture_count(all));
+  require_no_input(place, all);
+  if (options.frames.samples &&
+      std::all_of(all.begin(), all.end(), [](const Sequence& s) { return s.rig.lights.empty(); }))
+    throw core::UsageError("--samples is for area lights, and there is no light");
   db::Store store = context.open_store();
+  store.require_writable();
   const db::Scan scan = store.scan(options.name);
   MethodChoice choice = resolve(options.method, store, scan.id);
-  if (!options.environment.empty()) {
+  if (std::any_of(all.begin(), all.end(), [](const Sequence& s) { return s.rig.environment.has_value(); })) {
     // It is a sum of very many lights, and light adds up linearly: display values would not.
     choice.options.domain = model::Domain::kLinear;
     choice.knobs["--domain"] = "linear";
   }
   const db::LoadedScan source = load_scan(store, options.name);
-  const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
-  const relight::RelightReport report = relit(options, light, *interpolator);
 
-  const double stops = options.exposure_stops.value_or(relight::auto_exposure_stops(report.image, source.scan.mask()));
-  const relight::WrittenPicture written = relight::write_picture(options.out, report.image, stops);
-
-  db::NewProduct picture;
-  picture.kind = "picture";
-  picture.scan_id = scan.id;
-  picture.input_scans = {scan.id};
-  picture.input_products = source.products();
-  picture.parameters = json_text(
-      {{"light", options.light},
-       {"radius_deg", options.radius_degrees},
-       {"environment", options.environment.string()},
-       {"environment_hash", options.environment.empty() ? "" : db::hash_file(options.environment).hex()},
-       {"rotate_deg", options.rotate_degrees},
-       {"samples", options.samples},
-       {"virtual_lights", options.virtual_lights},
-       {"method", choice.method},
-       {"knobs", knob_values(choice)},
-       {"model", choice.options.model_file.string()},
-       {"model_hash", choice.options.model_file.empty() ? "" : db::hash_file(choice.options.model_file).hex()},
-       {"stops", stops},
-       {"file", std::filesystem::absolute(written.exr).string()}});
-  store.add_product(picture);
-  context.result("relit '" + options.name + "' by " + choice.method + " from " +
-                     std::to_string(report.directions_synthesised) + " synthesised pictures in " +
-                     fixed(report.seconds, 2) + " s\nwrote " + written.exr.string() + " and " + written.png.string() +
-                     " (" + fixed(stops, 2) + " stops)\n",
-                 {{"scan", options.name},
-                  {"method", choice.method},
-                  {"directions_synthesised", report.directions_synthesised},
-                  {"seconds", report.seconds},
-                  {"stops", stops},
-                  {"exr", written.exr.string()},
-                  {"png", written.png.string()}});
+  std::vector<PictureJob> jobs;
+  for (Sequence& sequence : all) {
+    Recipe recipe(sequence.rig, choice, options.frames, options.exposure_stops);
+    jobs.push_back({std::move(sequence), std::move(recipe), options.exposure_stops});
+  }
+  PictureFiles files(store, scan, source, place.folder());
+  find_made_pictures(jobs, place, files);
+  const std::vector<MadePicture> pictures = make_pictures(jobs, place, files, options.frames, source.scan.mask(), [&] {
+    return model::make_interpolator(choice.method, source.scan, choice.options);
+  });
+  report(options, choice.method, place, pictures, context);
 }
 
 }  // namespace
 
 void add_relight(CLI::App& program, Context& context) {
-  CLI::App* command =
-      program.add_subcommand("relight", "A picture of the subject under a light, an area light or an environment");
+  CLI::App* command = program.add_subcommand(
+      "relight", "Pictures of the subject under lights, environments or a rig of both, one or a sequence of them");
   command->footer(
       "Examples:\n"
       "  lightstage relight head --light 0.3,0.5,0.8 --out key.exr\n"
       "  lightstage relight head --light 40,20 --radius 10 --out soft.exr      (longitude,latitude in degrees)\n"
-      "  lightstage relight head --env venice.hdr --method linear --out venice.exr");
+      "  lightstage relight head --light 40,20 --radius 8 --colour 1,0.9,0.7 --light -70,10 --radius 2 --colour "
+      "0.2,0.3,0.6 --out two.exr\n"
+      "  lightstage relight head --env venice.hdr --method linear --out venice.exr\n"
+      "  lightstage relight head --env venice.hdr --turn 48 --out turn/        (turn/venice_0000.exr ...)\n"
+      "  lightstage relight head --rig moving.toml --out frames/\n"
+      "The same command goes on with a folder of pictures where it was interrupted.");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The scan")->required();
-  command->add_option("--light", options->light, "Direction to the light: x,y,z or longitude,latitude in degrees");
-  command->add_option("--radius", options->radius_degrees, "Angular radius of the light, degrees")
-      ->capture_default_str()
-      ->check(number_between(0.0, 180.0));
-  command->add_option("--samples", options->samples, "Directions that stand for an area light")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 100000));
-  command->add_option("--env", options->environment, "Lat-long environment map (EXR or HDR)");
-  command->add_option("--rotate", options->rotate_degrees, "Turn the environment about the vertical, degrees")
-      ->capture_default_str();
+  add_light_options(*command, options->light);
   command
-      ->add_option("--virtual-lights", options->virtual_lights,
+      ->add_option("--samples", options->frames.samples,
+                   "Directions that stand for an area light [as many as its radius and the stage need]")
+      ->check(CLI::Range(1, 100000));
+  command
+      ->add_option("--virtual-lights", options->frames.environment.virtual_lights,
                    "Directions that stand for an environment, for methods that are not linear in the captured pictures")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000000));
-  command->add_option("--exposure", options->exposure_stops, "Stops for the PNG [so that the bright parts just fit]")
+  command
+      ->add_option("--exposure", options->exposure_stops,
+                   "Stops for the PNGs [so that the bright parts of a sequence's first picture just fit]")
       ->check(number_between(-60, 60));
-  command->add_option("--out", options->out, "The .exr to write; a .png comes beside it")->required();
+  command
+      ->add_option("--out", options->out,
+                   "The .exr to write; for several pictures a folder (end it in /). A .png comes beside each")
+      ->required();
   add_method_options(*command, options->method, kOneMethod);
   command->callback([options, &context] { run_relight(*options, context); });
 }

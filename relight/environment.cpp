@@ -237,8 +237,11 @@ double Environment::solid_angle(int y, int height, int width) {
 
 Environment Environment::rotated(double degrees) const {
   if (!std::isfinite(degrees)) throw core::UsageError("an environment cannot be turned by an angle that is not finite");
+  // Whole turns are taken off without rounding; what the decimals of 360.1 were rounded by before must not make it another
+  // angle than 0.1.
+  const double angle = std::round(std::remainder(degrees, 360.0) * 1e9) / 1e9;
   // Longitude falls from left to right, so what moves to a larger one moves left.
-  const double pixels = std::remainder(degrees, 360.0) / 360.0 * width();
+  const double pixels = angle / 360.0 * width();
   const bool whole = std::abs(pixels - std::round(pixels)) < 1e-9 * (1 + std::abs(pixels));
   const double shift = whole ? std::round(pixels) : std::floor(pixels);
   const double fraction = whole ? 0 : pixels - shift;

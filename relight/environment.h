@@ -43,8 +43,8 @@ class Environment {
   static double solid_angle(int y, int height, int width);
   const core::Image& radiance() const { return radiance_; }  // 3 channels, not negative
 
-  // Turned about +y: what was at longitude 0 comes to `degrees`. Exact for multiples of a pixel, linear in
-  // between; every row keeps its energy. Throws UsageError for an angle that is not finite.
+  // Turned about +y: what was at longitude 0 comes to `degrees` (taken to a billionth). Exact for multiples of a pixel,
+  // linear in between; every row keeps its energy; angles that differ by whole turns give bit-equal maps. Throws UsageError for an angle that is not finite.
   Environment rotated(double degrees) const;
 
   // The map at another size: each pixel is the mean over its area of the pixels that it covers (weighted by solid angle), upwards as downwards,

@@ -6,18 +6,27 @@
 
 #include "core/display.h"
 #include "core/error.h"
+#include "core/file.h"
 #include "core/image_file.h"
 
 namespace lightstage::relight {
 
-WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView linear, double stops) {
+WrittenPicture picture_files(const std::filesystem::path& exr) {
+  return {exr, std::filesystem::path(exr).replace_extension(".png")};
+}
+
+WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView linear, double stops,
+                             const std::function<void(const std::filesystem::path& exr)>& finished) {
   if (path.extension() != ".exr")
     throw core::UsageError("'" + path.string() +
                            "': pictures are written as .exr (with a .png beside it); end the name in .exr");
   if (!std::isfinite(stops)) throw core::UsageError("an exposure must be a finite number of stops");
-  const WrittenPicture written{path, std::filesystem::path(path).replace_extension(".png")};
-  core::write_image(written.exr, linear);
+  const WrittenPicture written = picture_files(path);
   core::write_image(written.png, core::expose(linear, stops));
+  core::replace_file_atomically(written.exr, [&](const std::filesystem::path& temporary) {
+    core::write_image(temporary, linear);
+    if (finished) finished(temporary);
+  });
   return written;
 }
 

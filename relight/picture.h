@@ -2,6 +2,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 
 #include "core/image.h"
 
@@ -11,10 +12,15 @@ struct WrittenPicture {
   std::filesystem::path exr, png;
 };
 
-// Writes `path` (.exr) with the linear values in half floats, and beside it a PNG of the same name: the image
-// times 2^stops, clipped to [0, 1], sRGB-encoded, 8 bits. Throws UsageError for another extension, and as
-// core::write_image.
-WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView linear, double stops);
+// The names: that of the EXR and of the PNG beside it.
+WrittenPicture picture_files(const std::filesystem::path& exr);
+
+// Writes `path` (.exr) with the linear values in half floats, and before it, beside it, a PNG of the same name: the image
+// times 2^stops, clipped to [0, 1], sRGB-encoded, 8 bits. Readers see whole files only. `finished`, if any, is called
+// with the EXR's temporary name when its bytes are final, just before it gets its own, which it does not when that throws.
+// Throws UsageError for another extension, and as core::write_image.
+WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView linear, double stops,
+                             const std::function<void(const std::filesystem::path& exr)>& finished = {});
 
 // The stops that bring the 99.5th percentile of the masked values to 1, within +-100 (0 for a black image).
 // An empty mask means everywhere. Throws BadInput for a mask of another size or without a pixel inside, and for values that are not finite.

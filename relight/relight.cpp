@@ -1,9 +1,7 @@
 #include "relight/relight.h"
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -26,27 +24,6 @@ void require_light(core::Vec3 irradiance) {
   for (const double v : {irradiance.x, irradiance.y, irradiance.z})
     if (!std::isfinite(v) || v < 0)
       throw core::BadInput("a light's irradiance must be finite and not negative, not " + std::to_string(v));
-}
-
-// Evenly placed on the cap: the k-th of n has 1 - cos(angle to the axis) = (k + 1/2)/n of the cap's, and
-// successive ones turn by the golden angle.
-std::vector<core::Direction> cap_directions(const core::Direction& axis, double radius_radians, int samples) {
-  const core::Vec3 z = axis.vec();
-  const core::Vec3 least = std::abs(z.y) < 0.9 ? core::Vec3{0, 1, 0} : core::Vec3{1, 0, 0};
-  const core::Vec3 x = core::Direction::from_vector(core::cross(least, z)).vec();
-  const core::Vec3 y = core::cross(z, x);
-  const double half_sine = std::sin(radius_radians / 2);
-  const double cap_height = 2 * half_sine * half_sine;  // 1 - cos(radius), exact for small ones
-  const double golden_angle = 2 * std::numbers::pi * (2 - std::numbers::phi);
-  std::vector<core::Direction> directions;
-  for (int k = 0; k < samples; ++k) {
-    const double height = cap_height * (double(k) + 0.5) / double(samples);
-    const double radius = std::sqrt(height * (2 - height));
-    const double turn = golden_angle * double(k);
-    directions.push_back(
-        core::Direction::from_vector((1 - height) * z + (radius * std::cos(turn)) * x + (radius * std::sin(turn)) * y));
-  }
-  return directions;
 }
 
 }  // namespace
@@ -83,17 +60,28 @@ RelightReport relight_direction(const model::LightInterpolator& interpolator, co
   return relight_lights(interpolator, std::span(&one, 1));
 }
 
+RelightReport relight_area_lights(const model::LightInterpolator& interpolator, std::span<const AreaLight> lights,
+                                  std::optional<int> samples) {
+  const Timer::time_point start = Timer::now();
+  std::vector<DistantLight> parts;
+  for (const AreaLight& light : lights) {
+    if (light.radius_degrees == 0) {
+      parts.push_back({light.direction, light.irradiance});
+      continue;
+    }
+    const int count = samples ? *samples : area_samples(interpolator, light.radius_degrees);
+    for (const core::Direction& d : cap_directions(light.direction, light.radius_degrees, count))
+      parts.push_back({d, light.irradiance / double(count)});
+  }
+  RelightReport report = relight_lights(interpolator, parts);
+  report.seconds = seconds_since(start);
+  return report;
+}
+
 RelightReport relight_area(const model::LightInterpolator& interpolator, const core::Direction& light,
-                           double radius_degrees, int samples, core::Vec3 irradiance) {
-  if (!(radius_degrees >= 0 && radius_degrees <= 180))
-    throw core::UsageError("the radius of an area light must be 0 to 180 degrees, not " +
-                           std::to_string(radius_degrees));
-  if (samples < 1) throw core::UsageError("an area light needs at least 1 sample, not " + std::to_string(samples));
-  if (radius_degrees == 0) return relight_direction(interpolator, light, irradiance);
-  std::vector<DistantLight> lights;
-  for (const core::Direction& d : cap_directions(light, core::radians_from_degrees(radius_degrees), samples))
-    lights.push_back({d, irradiance / double(samples)});
-  return relight_lights(interpolator, lights);
+                           double radius_degrees, std::optional<int> samples, core::Vec3 irradiance) {
+  const AreaLight one{light, radius_degrees, irradiance};
+  return relight_area_lights(interpolator, std::span(&one, 1), samples);
 }
 
 RelightReport relight_environment(const model::LightInterpolator& interpolator, const Environment& environment,

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 
 #include "core/direction.h"
 #include "core/image.h"
 #include "core/vec3.h"
 #include "model/interpolator.h"
+#include "relight/area_light.h"
 #include "relight/environment.h"
 
 namespace lightstage::relight {
@@ -31,11 +33,15 @@ RelightReport relight_lights(const model::LightInterpolator& interpolator, std::
 RelightReport relight_direction(const model::LightInterpolator& interpolator, const core::Direction& light,
                                 core::Vec3 irradiance = {1, 1, 1});
 
-// A round light of angular radius `radius_degrees` (0 to 180) about `light`, uniform, of total `irradiance`:
-// the mean over `samples` directions placed evenly on the cap (equal area, Fibonacci spiral). A radius of 0
-// is relight_direction. Throws UsageError for a radius out of range or less than one sample.
+// Round lights, each the mean over directions placed evenly on its cap (cap_directions): `samples` of them, or as many as
+// it needs (area_samples). A radius of 0 is relight_direction. Methods with linear weights make one weighted sum for
+// all lights together. Throws UsageError for a radius out of range or less than one sample.
+RelightReport relight_area_lights(const model::LightInterpolator& interpolator, std::span<const AreaLight> lights,
+                                  std::optional<int> samples = {});
+
+// One of them, of angular radius `radius_degrees` (0 to 180) about `light` and of total `irradiance`.
 RelightReport relight_area(const model::LightInterpolator& interpolator, const core::Direction& light,
-                           double radius_degrees, int samples, core::Vec3 irradiance = {1, 1, 1});
+                           double radius_degrees, std::optional<int> samples = {}, core::Vec3 irradiance = {1, 1, 1});
 
 // A whole environment. For methods with linear weights the map is taken in boxes of at most an eighth of the
 // scan's light spacing (single pixels where they are larger), all carried by the captured images in one

@@ -155,6 +155,9 @@ TEST_CASE("a map turned by whole turns is bit-equal, by whole pixels exact and b
     const Environment map(rough_map(height, width));
     for (const double degrees : {0.0, 360.0, -360.0, 720.0, 3.6e9})
       CHECK(map.rotated(degrees).radiance() == map.radiance());
+    for (const double degrees : {0.1, 33.3, -179.9})
+      for (const double turns : {360.0, -720.0, 3600.0})
+        CHECK(map.rotated(degrees + turns).radiance() == map.rotated(degrees).radiance());
     for (const int pixels : {1, width / 3, -width / 2}) {
       const double degrees = 360.0 * pixels / width;
       const Environment turned = map.rotated(degrees);

@@ -1,0 +1,64 @@
+#include "cli/relight/make_pictures.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/file.h"
+#include "core/interrupt.h"
+#include "core/progress.h"
+
+namespace lightstage::cli {
+
+void find_made_pictures(std::vector<PictureJob>& jobs, const PicturePlace& place, const PictureFiles& files) {
+  for (PictureJob& job : jobs) {
+    job.is_made.assign(std::size_t(job.sequence.rig.frames), false);
+    if (!place.is_folder()) continue;
+    for (int frame = 0; frame < job.sequence.rig.frames; ++frame) {
+      const std::filesystem::path file = place.file(job.sequence, frame);
+      const std::optional<double> stops = files.made_already(file, job.recipe.of_frame(frame));
+      if (!stops) continue;
+      if (job.stops.value_or(*stops) != *stops)
+        throw core::UsageError(file.string() +
+                               ": its PNG has another exposure than those before it; remove it to have "
+                               "it made again, or choose another --out");
+      job.stops = stops;
+      job.is_made[std::size_t(frame)] = true;
+    }
+  }
+}
+
+std::vector<MadePicture> make_pictures(
+    std::vector<PictureJob>& jobs, const PicturePlace& place, PictureFiles& files, const FrameOptions& options,
+    core::ImageView mask, const std::function<std::unique_ptr<model::LightInterpolator>()>& make_interpolator) {
+  std::size_t missing = 0;
+  for (const PictureJob& job : jobs) missing += std::size_t(std::count(job.is_made.begin(), job.is_made.end(), false));
+  std::unique_ptr<model::LightInterpolator> interpolator;
+  std::optional<FramePictures> pictures;
+  std::optional<core::Progress> progress;
+  if (missing > 0) {
+    if (place.is_folder()) core::make_folder(place.path());
+    interpolator = make_interpolator();
+    pictures.emplace(*interpolator, options);
+  }
+  if (missing > 1) progress.emplace("relighting", missing);
+
+  std::vector<MadePicture> all;
+  for (PictureJob& job : jobs) {
+    for (int frame = 0; frame < job.sequence.rig.frames; ++frame) {
+      const std::filesystem::path file = place.file(job.sequence, frame);
+      if (job.is_made[std::size_t(frame)]) {
+        all.push_back({relight::picture_files(file), *job.stops, true});
+        continue;
+      }
+      core::throw_if_interrupted();
+      const relight::RelightReport report = pictures->picture(job.sequence.rig.frame(frame));
+      if (!job.stops) job.stops = relight::auto_exposure_stops(report.image, mask);
+      const auto written = files.write(file, report.image, *job.stops, job.recipe.of_frame(frame), job.recipe.origin());
+      all.push_back({written, *job.stops, false, report.directions_synthesised, report.seconds});
+      if (progress) progress->advance();
+    }
+  }
+  return all;
+}
+
+}  // namespace lightstage::cli

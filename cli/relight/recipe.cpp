@@ -1,0 +1,51 @@
+#include "cli/relight/recipe.h"
+
+#include "cli/options.h"
+#include "db/content_hash.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+void add(ordered_json& all, const std::vector<relight::AreaLight>& lights) {
+  for (const relight::AreaLight& light : lights) {
+    const core::Vec3 direction = light.direction.vec(), colour = light.irradiance;
+    all.push_back({{"direction", {direction.x, direction.y, direction.z}},
+                   {"radius_deg", light.radius_degrees},
+                   {"colour", {colour.x, colour.y, colour.z}}});
+  }
+}
+
+}  // namespace
+
+Recipe::Recipe(relight::LightRig rig, const MethodChoice& choice, const FrameOptions& options,
+               std::optional<double> exposure_stops)
+    : rig_(std::move(rig)) {
+  const std::filesystem::path& model = choice.options.model_file;
+  common_ = {{"samples", or_null(options.samples)},
+             {"virtual_lights", options.environment.virtual_lights},
+             {"method", choice.method},
+             {"knobs", knob_values(choice)},
+             {"model_hash", model.empty() ? "" : db::hash_file(model).hex()},
+             {"exposure", exposure_stops ? ordered_json(*exposure_stops) : ordered_json("auto")}};
+  origin_ = {{"environment", rig_.environment ? rig_.environment->file.string() : ""}, {"model", model.string()}};
+  if (rig_.environment) environment_hash_ = db::hash_file(rig_.environment->file).hex();
+}
+
+ordered_json Recipe::of_frame(int frame) const {
+  const relight::RigFrame light = rig_.frame(frame);
+  ordered_json lights = ordered_json::array();
+  add(lights, light.fixed);
+  add(lights, light.moving);
+  ordered_json recipe{{"lights", lights}};
+  if (light.environment)
+    recipe["environment"] = {{"hash", environment_hash_},
+                             {"rotate_deg", light.environment->rotate_degrees},
+                             {"exposure_ev", light.environment->exposure_stops}};
+  recipe.update(common_);
+  return recipe;
+}
+
+}  // namespace lightstage::cli
