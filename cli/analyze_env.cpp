@@ -5,6 +5,7 @@
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/jobs/environments.h"
 #include "cli/options.h"
 #include "cli/report/plot.h"
 #include "core/error.h"
@@ -71,11 +72,7 @@ std::string spectrum_plot(const std::string& title, const relight::EnvironmentAn
 void run_analyze_env(const Options& options, Context& context) {
   if (!options.plot.empty() && options.plot.extension() != ".svg")
     throw core::UsageError("--plot: '" + options.plot.string() + "' must end in .svg");
-  const relight::Environment environment = relight::Environment::read(options.file);
-  if (environment.negative_values() > 0) {
-    core::warn(options.file.string() + ": " + std::to_string(environment.negative_values()) +
-               " negative values count as 0");
-  }
+  const relight::Environment environment = read_environment(options.file);
   const relight::EnvironmentAnalysis analysis = relight::analyse(environment);
   if (!options.plot.empty())
     core::write_file_atomically(options.plot, spectrum_plot(options.file.filename().string(), analysis));

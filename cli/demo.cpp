@@ -27,11 +27,11 @@ struct Options {
 
 // Sizes of the full demonstration and of the reduced one.
 struct Scale {
-  std::string size, ball_size, train_minutes, directions, dense_lights, environment_lights;
+  std::string size, ball_size, train_minutes, directions, dense_lights;
 };
 
 Scale scale(bool quick) {
-  return quick ? Scale{"96", "384", "0.1", "6", "60", "60"} : Scale{"256", "512", "1.5", "24", "300", "300"};
+  return quick ? Scale{"96", "384", "0.1", "6", "60"} : Scale{"256", "512", "1.5", "24", "300"};
 }
 
 // Runs public commands one after the other, prints each as a user would type it, and keeps their results.
@@ -101,7 +101,7 @@ Results main_job(Script& script, const fs::path& out, const Scale& scale) {
           {"--light", "-40,30", "--radius", "12", "--samples", "32"});
   script.run({"sky", "--sun", "50,35", "--out", (out / "sky.exr").string()});
   relight(script, results, out, "sky", "a clear sky with sun",
-          {"--env", (out / "sky.exr").string(), "--virtual-lights", scale.environment_lights});
+          {"--env", (out / "sky.exr").string(), "--quality", "good"});
   return results;
 }
 

@@ -1,15 +1,20 @@
 #include <algorithm>
+#include <chrono>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/jobs/environments.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/options.h"
 #include "cli/relight/make_pictures.h"
 #include "core/error.h"
+#include "core/sphere.h"
+#include "core/text.h"
+#include "model/peak_memory.h"
 
 namespace lightstage::cli {
 
@@ -22,9 +27,12 @@ struct Options {
   LightOptions light;
   FrameOptions frames;
   std::optional<double> exposure_stops;
+  bool explain = false;
   std::filesystem::path out;
   MethodChoice method;
 };
+
+constexpr std::size_t kLightsNamed = 8;  // by --explain
 
 std::size_t picture_count(const std::vector<Sequence>& all) {
   std::size_t count = 0;
@@ -42,44 +50,82 @@ void require_no_input(const PicturePlace& place, const std::vector<Sequence>& al
   }
 }
 
-ordered_json frame_json(const MadePicture& picture) {
-  return {{"file", picture.files.exr.string()},
-          {"png", picture.files.png.string()},
-          {"stops", picture.stops},
-          {"already_made", picture.already_made},
-          {"directions_synthesised", picture.directions_synthesised},
-          {"seconds", picture.seconds}};
+// What a frame took, and for environments how far from the exhaustive answer it is expected to be.
+ordered_json work_json(const FramePicture& work, relight::ErrorMeasure measure) {
+  ordered_json json{{"directions_synthesised", work.directions_synthesised}, {"seconds", work.seconds}};
+  if (!work.environment) return json;
+  const relight::EnvironmentReport& report = *work.environment;
+  json["directions_exhaustive"] = report.directions_exhaustive;
+  json["directions_captured"] = report.directions_captured;
+  json["error_estimate"] = measure == relight::ErrorMeasure::kDssim ? report.dssim_estimate : report.rms_estimate;
+  json["plan"] = plan_json(report.plan);
+  json["plan"]["seconds_planning"] = report.seconds_planning;
+  json["plan"]["seconds_synthesising"] = report.seconds_synthesising;
+  json["plan"]["seconds_summing"] = report.seconds - report.seconds_planning - report.seconds_synthesising;
+  return json;
+}
+
+ordered_json frame_json(const MadePicture& picture, relight::ErrorMeasure measure) {
+  ordered_json json{{"file", picture.files.exr.string()},
+                    {"png", picture.files.png.string()},
+                    {"stops", picture.stops},
+                    {"already_made", picture.already_made}};
+  json.update(work_json(picture.work, measure));
+  return json;
+}
+
+// What was asked, what is kept, and where the time went.
+std::string environment_text(const FramePicture& work, const EnvironmentOptions& options) {
+  if (!work.environment) return "";
+  const relight::EnvironmentReport& report = *work.environment;
+  std::string text = "  the map has " + std::to_string(report.directions_exhaustive) + " lit pixels; " +
+                     std::to_string(report.directions_captured) + " captured and " +
+                     std::to_string(report.directions_synthesised) + " synthesised pictures were summed\n";
+  const relight::Goal goal = options.goal();
+  if (const auto* error = std::get_if<relight::ErrorGoal>(&goal)) {
+    text += "  asked: " + std::string(error->measure == relight::ErrorMeasure::kDssim ? "DSSIM" : "relative RMS") +
+            " " + core::number_text(error->error) + " from the exhaustive answer; ";
+  } else if (const auto* time = std::get_if<relight::TimeGoal>(&goal)) {
+    text += "  asked: " + core::number_text(time->seconds) + " s; ";
+  } else {
+    text += "  asked: the exhaustive answer; ";
+  }
+  return text + "expected: DSSIM " + core::number_text(report.dssim_estimate, 2) + ", relative RMS " +
+         core::number_text(report.rms_estimate, 2) + "\n  planning " + fixed(report.seconds_planning, 2) +
+         " s, synthesis " + fixed(report.seconds_synthesising, 2) + " s, summing " +
+         fixed(report.seconds - report.seconds_planning - report.seconds_synthesising, 2) + " s\n";
 }
 
 void report(const Options& options, const std::string& method, const PicturePlace& place,
-            const std::vector<MadePicture>& pictures, const Context& context) {
+            const std::vector<MadePicture>& pictures, std::optional<std::size_t> peak_bytes, const Context& context) {
+  const relight::ErrorMeasure measure = options.frames.environment.measure;
   const MadePicture &first = pictures.front(), &last = pictures.back();
-  std::size_t already_made = 0, directions_synthesised = 0;
-  double seconds = 0;
+  std::size_t already_made = 0;
+  FramePicture all;
   ordered_json frames = ordered_json::array();
   for (const MadePicture& picture : pictures) {
     already_made += picture.already_made ? 1 : 0;
-    directions_synthesised += picture.directions_synthesised;
-    seconds += picture.seconds;
-    frames.push_back(frame_json(picture));
+    all.directions_synthesised += picture.work.directions_synthesised;
+    all.seconds += picture.work.seconds;
+    frames.push_back(frame_json(picture, measure));
   }
   const bool several = pictures.size() > 1;
   std::string text;
   if (already_made < pictures.size())
-    text = "relit '" + options.name + "' by " + method + " from " + std::to_string(directions_synthesised) +
-           " synthesised pictures in " + fixed(seconds, 2) + " s\n";
+    text = "relit '" + options.name + "' by " + method + " from " + std::to_string(all.directions_synthesised) +
+           " synthesised pictures in " + fixed(all.seconds, 2) + " s\n";
+  if (!several) text += environment_text(first.work, options.frames.environment);
   if (already_made > 0)
     text += std::to_string(already_made) + " of " + std::to_string(pictures.size()) + " pictures were there already\n";
   text += std::string(first.already_made ? "" : "wrote ") + first.files.exr.string() +
           (several ? " to " + last.files.exr.string() + ", each with its .png" : " and " + first.files.png.string()) +
           " (" + fixed(first.stops, 2) + " stops)\n";
-  ordered_json json{{"scan", options.name},
-                    {"method", method},
-                    {"directions_synthesised", directions_synthesised},
-                    {"seconds", seconds},
-                    {"stops", first.stops},
-                    {"exr", first.files.exr.string()},
-                    {"png", first.files.png.string()}};
+  ordered_json json{{"scan", options.name}, {"method", method}};
+  json.update(several ? work_json(all, measure) : work_json(first.work, measure));
+  json["peak_rss_bytes"] = or_null(peak_bytes);
+  json["stops"] = first.stops;
+  json["exr"] = first.files.exr.string();
+  json["png"] = first.files.png.string();
   if (place.is_folder()) {
     json["already_made"] = already_made;
     json["frames"] = frames;
@@ -87,9 +133,94 @@ void report(const Options& options, const std::string& method, const PicturePlac
   context.result(text, json);
 }
 
+// An environment is a sum of very many lights, and light adds up linearly: display values would not.
+void sum_linear_light(MethodChoice& choice) {
+  choice.options.domain = model::Domain::kLinear;
+  choice.knobs["--domain"] = "linear";
+}
+
+bool has_environment(const std::vector<Sequence>& all) {
+  return std::any_of(all.begin(), all.end(), [](const Sequence& s) { return s.rig.environment.has_value(); });
+}
+
+// What would be synthesised for the first frame of each sequence, and what that would take. One picture is synthesised to tell the time of one.
+void explain(const std::vector<Sequence>& all, const Options& options, Context& context) {
+  const EnvironmentOptions& asked = options.frames.environment;
+  const relight::Goal goal = asked.goal();
+  const auto* error = std::get_if<relight::ErrorGoal>(&goal);
+  if (!error) throw core::UsageError("--explain tells the plan for an error: give --error, or --quality draft or good");
+  const db::Store store = context.open_store();
+  MethodChoice choice = resolve(options.method, store, store.scan(options.name).id);
+  sum_linear_light(choice);
+  const std::string& method = choice.method;
+  const db::LoadedScan source = load_scan(store, options.name);
+  const model::PeakMemory memory;
+  const auto interpolator = model::make_interpolator(method, source.scan, choice.options);
+  const relight::EnvironmentRelighter relighter(*interpolator);
+  const std::vector<core::Direction>& lights = source.scan.directions();
+  std::string text;
+  ordered_json plans = ordered_json::array();
+  for (const Sequence& sequence : all) {
+    const relight::RigFrame frame = sequence.rig.frame(0);
+    if (!frame.environment) continue;
+    const relight::Environment map =
+        asked.resized(read_environment(frame.environment->file)).rotated(frame.environment->rotate_degrees);
+    const auto start = std::chrono::steady_clock::now();
+    const auto elapsed = [&] {
+      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    const relight::Plan plan = relighter.plan(map, *error);
+    const double planning = elapsed();
+    double seconds = planning;
+    if (plan.pictures() > 0) {
+      const relight::DistantLight& first = plan.synthesised.empty() ? plan.remainder[0] : plan.synthesised[0];
+      interpolator->render(first.direction);
+      const double once_prepared = elapsed();
+      interpolator->render(first.direction);
+      seconds = once_prepared + double(plan.pictures() - 1) * (elapsed() - once_prepared);
+    }
+    ordered_json json{{"environment", frame.environment->file.string()}, {"method", method}};
+    json.update(plan_json(plan));
+    json["directions_synthesised"] = plan.pictures();
+    json["expected_seconds"] = seconds;
+    json["expected_error"] = plan.expected_error(error->measure);
+    json["peak_rss_bytes"] = or_null(memory.bytes());
+    text += frame.environment->file.string() + ": " + std::to_string(lights.size()) + " captured pictures, and " +
+            std::to_string(plan.synthesised.size()) + " synthesised by " + method +
+            (plan.remainder.empty() ? std::string()
+                                    : " and " + std::to_string(plan.remainder.size()) + " as samples of the rest") +
+            "; about " + fixed(seconds, 1) + " s; expected: DSSIM " +
+            core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) + ", relative RMS " +
+            core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
+    std::vector<std::vector<std::string>> rows{{"longitude, latitude", "irradiance", "nearest captured lights"}};
+    for (std::size_t i = 0; i < plan.synthesised.size(); ++i) {
+      const relight::DistantLight& light = plan.synthesised[i];
+      const std::vector<std::size_t> nearest = core::nearest_indices(lights, light.direction, kLightsNamed);
+      json["lights"][i]["nearest_captured"] = nearest;
+      std::string names;
+      for (const std::size_t index : nearest) names += (names.empty() ? "" : " ") + std::to_string(index);
+      const core::Vec3 rgb = light.irradiance;
+      rows.push_back(
+          {fixed(light.direction.longitude_degrees(), 1) + ", " + fixed(light.direction.latitude_degrees(), 1),
+           core::number_text(rgb.x, 3) + " " + core::number_text(rgb.y, 3) + " " + core::number_text(rgb.z, 3), names});
+    }
+    if (rows.size() > 1) text += table(rows);
+    plans.push_back(std::move(json));
+  }
+  context.result(text, {{"scan", options.name}, {"plans", plans}});
+}
+
 void run_relight(const Options& options, Context& context) {
   // What is wrong with the command line is said before a large scan is read.
   std::vector<Sequence> all = sequences(options.light);
+  options.frames.environment.goal();
+  if (!has_environment(all) && options.frames.environment.given())
+    throw core::UsageError("--error, --budget, --quality, --exhaustive, --size and --explain are for environments");
+  if (options.explain) {
+    explain(all, options, context);
+    return;
+  }
+  if (options.out.empty()) throw core::UsageError("--out is missing: where should the picture go?");
   const PicturePlace place(options.out, picture_count(all));
   require_no_input(place, all);
   if (options.frames.samples &&
@@ -99,13 +230,10 @@ void run_relight(const Options& options, Context& context) {
   store.require_writable();
   const db::Scan scan = store.scan(options.name);
   MethodChoice choice = resolve(options.method, store, scan.id);
-  if (std::any_of(all.begin(), all.end(), [](const Sequence& s) { return s.rig.environment.has_value(); })) {
-    // It is a sum of very many lights, and light adds up linearly: display values would not.
-    choice.options.domain = model::Domain::kLinear;
-    choice.knobs["--domain"] = "linear";
-  }
+  if (has_environment(all)) sum_linear_light(choice);
   const db::LoadedScan source = load_scan(store, options.name);
 
+  const model::PeakMemory memory;
   std::vector<PictureJob> jobs;
   for (Sequence& sequence : all) {
     Recipe recipe(sequence.rig, choice, options.frames, options.exposure_stops);
@@ -116,7 +244,7 @@ void run_relight(const Options& options, Context& context) {
   const std::vector<MadePicture> pictures = make_pictures(jobs, place, files, options.frames, source.scan.mask(), [&] {
     return model::make_interpolator(choice.method, source.scan, choice.options);
   });
-  report(options, choice.method, place, pictures, context);
+  report(options, choice.method, place, pictures, memory.bytes(), context);
 }
 
 }  // namespace
@@ -130,7 +258,10 @@ void add_relight(CLI::App& program, Context& context) {
       "  lightstage relight head --light 40,20 --radius 10 --out soft.exr      (longitude,latitude in degrees)\n"
       "  lightstage relight head --light 40,20 --radius 8 --colour 1,0.9,0.7 --light -70,10 --radius 2 --colour "
       "0.2,0.3,0.6 --out two.exr\n"
-      "  lightstage relight head --env venice.hdr --method linear --out venice.exr\n"
+      "  lightstage relight head --env venice.hdr --out venice.exr             (DSSIM 0.002 from the exhaustive "
+      "answer)\n"
+      "  lightstage relight head --env venice.hdr --budget 5s --out quick.exr\n"
+      "  lightstage relight head --env venice.hdr --error 0.0005 --explain\n"
       "  lightstage relight head --env venice.hdr --turn 48 --out turn/        (turn/venice_0000.exr ...)\n"
       "  lightstage relight head --rig moving.toml --out frames/\n"
       "The same command goes on with a folder of pictures where it was interrupted.");
@@ -141,19 +272,15 @@ void add_relight(CLI::App& program, Context& context) {
       ->add_option("--samples", options->frames.samples,
                    "Directions that stand for an area light [as many as its radius and the stage need]")
       ->check(CLI::Range(1, 100000));
-  command
-      ->add_option("--virtual-lights", options->frames.environment.virtual_lights,
-                   "Directions that stand for an environment, for methods that are not linear in the captured pictures")
-      ->capture_default_str()
-      ->check(CLI::Range(1, 1000000));
+  add_environment_options(*command, options->frames.environment);
+  command->add_flag("--explain", options->explain,
+                    "Environments: only tell what would be synthesised, from which lights, and what it would take");
   command
       ->add_option("--exposure", options->exposure_stops,
                    "Stops for the PNGs [so that the bright parts of a sequence's first picture just fit]")
       ->check(number_between(-60, 60));
-  command
-      ->add_option("--out", options->out,
-                   "The .exr to write; for several pictures a folder (end it in /). A .png comes beside each")
-      ->required();
+  command->add_option("--out", options->out,
+                      "The .exr to write; for several pictures a folder (end it in /). A .png comes beside each");
   add_method_options(*command, options->method, kOneMethod);
   command->callback([options, &context] { run_relight(*options, context); });
 }

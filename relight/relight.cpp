@@ -84,23 +84,4 @@ RelightReport relight_area(const model::LightInterpolator& interpolator, const c
   return relight_area_lights(interpolator, std::span(&one, 1), samples);
 }
 
-RelightReport relight_environment(const model::LightInterpolator& interpolator, const Environment& environment,
-                                  std::size_t virtual_lights) {
-  if (virtual_lights == 0) throw core::UsageError("an environment needs at least 1 virtual light");
-  const Timer::time_point start = Timer::now();
-  // Weights vary over distances of the light spacing D. A box of side D/8 whose light stands at its mean
-  // direction errs first in the second moment, (D/8)^2/12 an axis: with a second derivative of about 2/D^2
-  // (that of the alias-free weights at their default sharpness) that is at most 0.3 % of one box's light, and
-  // less over the map, where signs alternate.
-  constexpr double kBoxesPerSpacing = 8;
-  const bool has_linear_weights = !interpolator.linear_weights(core::Direction()).empty();
-  const std::vector<DistantLight> lights =
-      has_linear_weights
-          ? environment.lights(core::median_spacing_radians(interpolator.scan().directions()) / kBoxesPerSpacing)
-          : environment.gather(core::fibonacci_directions(virtual_lights));
-  RelightReport report = relight_lights(interpolator, lights);
-  report.seconds = seconds_since(start);
-  return report;
-}
-
 }  // namespace lightstage::relight

@@ -10,9 +10,10 @@
 #include "core/vec3.h"
 #include "model/interpolator.h"
 #include "relight/area_light.h"
-#include "relight/environment.h"
 
 namespace lightstage::relight {
+
+using model::DistantLight;
 
 struct RelightReport {
   core::Image image;  // linear radiance, 3 channels
@@ -42,13 +43,5 @@ RelightReport relight_area_lights(const model::LightInterpolator& interpolator, 
 // One of them, of angular radius `radius_degrees` (0 to 180) about `light` and of total `irradiance`.
 RelightReport relight_area(const model::LightInterpolator& interpolator, const core::Direction& light,
                            double radius_degrees, std::optional<int> samples = {}, core::Vec3 irradiance = {1, 1, 1});
-
-// A whole environment. For methods with linear weights the map is taken in boxes of at most an eighth of the
-// scan's light spacing (single pixels where they are larger), all carried by the captured images in one
-// weighted sum. For all others the map is gathered onto `virtual_lights` Fibonacci directions, each of which
-// then moves to the mean direction of its light and is synthesised where it received any. Throws UsageError
-// for no virtual lights.
-RelightReport relight_environment(const model::LightInterpolator& interpolator, const Environment& environment,
-                                  std::size_t virtual_lights);
 
 }  // namespace lightstage::relight

@@ -51,10 +51,12 @@ std::vector<MadePicture> make_pictures(
         continue;
       }
       core::throw_if_interrupted();
-      const relight::RelightReport report = pictures->picture(job.sequence.rig.frame(frame));
-      if (!job.stops) job.stops = relight::auto_exposure_stops(report.image, mask);
-      const auto written = files.write(file, report.image, *job.stops, job.recipe.of_frame(frame), job.recipe.origin());
-      all.push_back({written, *job.stops, false, report.directions_synthesised, report.seconds});
+      FramePicture picture = pictures->picture(job.sequence.rig.frame(frame));
+      if (!job.stops) job.stops = relight::auto_exposure_stops(picture.image, mask);
+      const auto written =
+          files.write(file, picture.image, *job.stops, job.recipe.of_frame(frame), job.recipe.origin());
+      picture.image = core::Image();
+      all.push_back({written, *job.stops, false, std::move(picture)});
       if (progress) progress->advance();
     }
   }

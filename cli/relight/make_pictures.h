@@ -25,8 +25,7 @@ struct MadePicture {
   relight::WrittenPicture files;
   double stops = 0;
   bool already_made = false;
-  std::size_t directions_synthesised = 0;
-  double seconds = 0;
+  FramePicture work = {};  // without the picture itself
 };
 
 // Finds what is made already, in a folder: a picture with a name of its own is made anew each time. Throws as

@@ -25,13 +25,15 @@ Recipe::Recipe(relight::LightRig rig, const MethodChoice& choice, const FrameOpt
     : rig_(std::move(rig)) {
   const std::filesystem::path& model = choice.options.model_file;
   common_ = {{"samples", or_null(options.samples)},
-             {"virtual_lights", options.environment.virtual_lights},
              {"method", choice.method},
              {"knobs", knob_values(choice)},
              {"model_hash", model.empty() ? "" : db::hash_file(model).hex()},
              {"exposure", exposure_stops ? ordered_json(*exposure_stops) : ordered_json("auto")}};
   origin_ = {{"environment", rig_.environment ? rig_.environment->file.string() : ""}, {"model", model.string()}};
-  if (rig_.environment) environment_hash_ = db::hash_file(rig_.environment->file).hex();
+  if (rig_.environment) {
+    environment_hash_ = db::hash_file(rig_.environment->file).hex();
+    common_["carried"] = options.environment.json();
+  }
 }
 
 ordered_json Recipe::of_frame(int frame) const {
