@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cli/bench/relight_command.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/options.h"
@@ -168,8 +169,8 @@ void add_bench_capture(CLI::App& bench, Context& context) {
 }  // namespace
 
 void add_bench(CLI::App& program, Context& context) {
-  CLI::App* command =
-      program.add_subcommand("bench", "Measure the network's engine on this machine, or the timing modes of capture");
+  CLI::App* command = program.add_subcommand(
+      "bench", "Measure the network's engine on this machine, relighting by plan, or the timing modes of capture");
   command->require_subcommand(1);
   command->footer("Example:\n  lightstage bench model --size 512");
   const auto options = std::make_shared<Options>();
@@ -186,6 +187,7 @@ void add_bench(CLI::App& program, Context& context) {
   network->footer("Example:\n  lightstage bench model --size 1024 --json");
   network->callback([options, &context] { run_bench_model(*options, context); });
   add_bench_capture(*command, context);
+  add_bench_relight(*command, context);
 }
 
 }  // namespace lightstage::cli
