@@ -149,6 +149,11 @@ def machine():
     return f"{names[0] if names else 'unknown processor'}, {len(os.sched_getaffinity(0))} cores"
 
 
+def command():
+    """As it was given, without the folders of files."""
+    return " ".join(["tests/bench/results.py", *("=".join(os.path.basename(part) for part in word.split("=")) for word in sys.argv[1:])])
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
@@ -201,7 +206,8 @@ def main():
     print("# Methods, ranked\n")
     print(f"Written by `tests/bench/results.py` on {datetime.date.today()}, {version(options.program)}, {machine()}.\n"
           "Errors are of display-encoded values over the mask; lower is better, but for MS-SSIM; the best of each column is bold. Times are of one image\n"
-          "after the method was fitted, with all cores; the peak is the process's, with the scan in memory. Subjects and photographs were never trained on.")
+          "after the method was fitted, with all cores; the peak is the process's, with the scan in memory. Subjects and photographs were never trained on.\n")
+    print(f"    {command()}")
     if models:
         print("\nNetworks that do not come with the program (`lightstage train`):\n")
         for row in models:
