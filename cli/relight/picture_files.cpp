@@ -1,7 +1,7 @@
 #include "cli/relight/picture_files.h"
 
 #include <algorithm>
-#include <span>
+#include <cstdint>
 
 #include "cli/options.h"
 #include "core/error.h"
