@@ -85,7 +85,7 @@ std::optional<double> PictureFiles::made_already(const std::filesystem::path& ex
     return entry->second.stops;
   }
   throw core::UsageError(exr.string() +
-                         ": was made in another way than is asked for now, or changed since; remove it to " +
+                         " was made in another way than is asked for now, or changed since; remove it to " +
                          "have it made again, or choose another --out");
 }
 
