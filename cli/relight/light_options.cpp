@@ -1,5 +1,6 @@
 #include "cli/relight/light_options.h"
 
+#include <algorithm>
 #include <set>
 
 #include <CLI/CLI.hpp>

@@ -1,7 +1,7 @@
 #include "cli/relight/picture_files.h"
 
 #include <algorithm>
-#include <span>
+#include <cstdint>
 
 #include "cli/options.h"
 #include "core/error.h"
@@ -85,7 +85,7 @@ std::optional<double> PictureFiles::made_already(const std::filesystem::path& ex
     return entry->second.stops;
   }
   throw core::UsageError(exr.string() +
-                         ": was made in another way than is asked for now, or changed since; remove it to " +
+                         " was made in another way than is asked for now, or changed since; remove it to " +
                          "have it made again, or choose another --out");
 }
 
