@@ -214,7 +214,7 @@ void run_relight(const Options& options, Context& context) {
   // What is wrong with the command line is said before a large scan is read.
   std::vector<Sequence> all = sequences(options.light);
   options.frames.environment.goal();
-  if (!has_environment(all) && options.frames.environment.given())
+  if (!has_environment(all) && (options.explain || options.frames.environment.given()))
     throw core::UsageError("--error, --budget, --quality, --exhaustive, --size and --explain are for environments");
   if (options.explain) {
     explain(all, options, context);

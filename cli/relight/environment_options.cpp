@@ -1,5 +1,7 @@
 #include "cli/relight/environment_options.h"
 
+#include <cmath>
+
 #include <CLI/CLI.hpp>
 
 #include "cli/options.h"
@@ -39,6 +41,7 @@ relight::Goal goal_of_quality(const std::string& quality) {
 
 relight::Goal EnvironmentOptions::goal() const {
   const int goals = int(error.has_value()) + int(!budget.empty()) + int(!quality.empty()) + int(exhaustive);
+  map_size();
   if (goals > 1) throw core::UsageError("give one of --error, --budget, --quality and --exhaustive");
   if (error) return relight::ErrorGoal{*error, measure};
   if (!budget.empty()) return relight::TimeGoal{seconds_of(budget)};
@@ -46,7 +49,12 @@ relight::Goal EnvironmentOptions::goal() const {
 }
 
 relight::Environment EnvironmentOptions::resized(relight::Environment environment) const {
-  if (size.empty()) return environment;
+  const auto [width, height] = map_size();
+  return size.empty() ? environment : environment.resized(width, height);
+}
+
+std::pair<int, int> EnvironmentOptions::map_size() const {
+  if (size.empty()) return {0, 0};
   const std::vector<std::string_view> sides = core::split(size, 'x');
   std::vector<int> pixels;
   for (const std::string_view side : sides) {
@@ -55,7 +63,7 @@ relight::Environment EnvironmentOptions::resized(relight::Environment environmen
   }
   if (sides.size() != 2 || pixels.size() != 2)
     throw core::UsageError("--size: '" + size + "' is not WIDTHxHEIGHT in pixels, such as 256x128");
-  return environment.resized(pixels[0], pixels[1]);
+  return {pixels[0], pixels[1]};
 }
 
 ordered_json EnvironmentOptions::json() const {

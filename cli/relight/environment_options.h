@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 
 #include <nlohmann/json.hpp>
 
@@ -31,6 +32,9 @@ struct EnvironmentOptions {
 
   // What of it decides how a picture looks.
   nlohmann::ordered_json json() const;
+
+ private:
+  std::pair<int, int> map_size() const;
 };
 
 // Adds --error, --error-measure, --budget, --quality, --exhaustive and --size.
