@@ -9,6 +9,7 @@
 #include "model/evaluation.h"
 #include "model/metrics.h"
 #include "model/picture_sum.h"
+#include "relight/magnitude.h"
 #include "relight/picture.h"
 #include "relight/smooth_light.h"
 
@@ -25,14 +26,6 @@ constexpr double kFinestPatch = 0.012;  // radians, 0.7 degrees
 // Errors of synthesised pictures stand at the edges of shadows and highlights, where the same square makes a larger DSSIM than in the differences of
 // captured ones; and there are places where light comes from that are worse than their neighbours tell.
 constexpr double kOfShadows = 1.5, kCaution = 1.4;
-
-double square(double v) {
-  return v * v;
-}
-
-double size_of(Vec3 light) {
-  return (std::abs(light.x) + std::abs(light.y) + std::abs(light.z)) / 3;
-}
 
 core::Image picture_of(const core::OlatScan& scan, std::span<const Vec3> colours) {
   model::PictureSum sum({scan.image_size().height, scan.image_size().width, 3});
@@ -193,7 +186,7 @@ double EnvironmentPlanner::expected_smooth_variance() const {
   constexpr std::size_t kSamples = 128;
   std::vector<double> sizes;
   double total = 0;
-  for (const Vec3 light : smooth_) total += sizes.emplace_back(size_of(light));
+  for (const Vec3 light : smooth_) total += sizes.emplace_back(magnitude(light));
   const std::vector<std::size_t> samples = drawn(sizes, order_, kSamples);
   if (samples.empty()) return 0;
   std::vector<std::vector<double>> differences(samples.size());
@@ -255,7 +248,7 @@ std::vector<double> EnvironmentPlanner::importance(const Cut& cut) const {
   for (const DoubtfulLight& light : doubtful_) mean_error += light.error / double(doubtful_.size());
   std::vector<double> all;
   for (std::size_t p = 0; p < patches_.size(); ++p)
-    all.push_back(size_of(remainder(cut, p)) * (doubtful_[p].error + 0.1 * mean_error));
+    all.push_back(magnitude(remainder(cut, p)) * (doubtful_[p].error + 0.1 * mean_error));
   return all;
 }
 

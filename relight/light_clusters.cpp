@@ -6,20 +6,13 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "relight/magnitude.h"
 
 namespace lightstage::relight {
 
 namespace {
 
 enum : char { kLeftOut, kRepresented, kDivided };
-
-double size_of(core::Vec3 light) {
-  return (std::abs(light.x) + std::abs(light.y) + std::abs(light.z)) / 3;
-}
-
-double square(double v) {
-  return v * v;
-}
 
 double coordinate(core::Vec3 v, int axis) {
   return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
@@ -33,7 +26,7 @@ struct Extent {
     for (const std::size_t i : order) {
       const DoubtfulLight& light = lights[i];
       const core::Vec3 v = light.direction.vec();
-      const double size = size_of(light.irradiance);
+      const double size = magnitude(light.irradiance);
       irradiance = irradiance + light.irradiance;
       amount += size;
       doubted += size * light.error;
@@ -53,7 +46,7 @@ struct Extent {
                           : lights[order.front()].direction;
     double squares = 0;
     for (const std::size_t i : order)
-      squares += size_of(lights[i].irradiance) * square(core::angle_radians(lights[i].direction, centre));
+      squares += magnitude(lights[i].irradiance) * square(core::angle_radians(lights[i].direction, centre));
     spread = amount > 0 ? std::sqrt(squares / amount) : 0;
     for (int axis = 0; axis < 3; ++axis) {
       if (high[axis] - low[axis] > high[widest_axis] - low[widest_axis]) widest_axis = axis;
@@ -100,7 +93,7 @@ std::size_t LightClusters::build(std::size_t first, std::size_t last, std::span<
   cluster.represented = square(extent.doubted * std::min(1.0, 2 * extent.spread / correlation_length_));
   if (cluster.is_piece) {
     const double error = extent.amount > 0 ? extent.doubted / extent.amount : 0;
-    cluster.left_out = square(size_of(extent.irradiance) * error);
+    cluster.left_out = square(magnitude(extent.irradiance) * error);
     piece = extent.doubted > 0 ? cluster.left_out / extent.doubted : 0;
   } else if (piece) {
     cluster.left_out = *piece * extent.doubted;

@@ -6,6 +6,7 @@
 
 #include "core/interrupt.h"
 #include "core/sphere.h"
+#include "relight/magnitude.h"
 
 namespace lightstage::relight {
 
@@ -13,14 +14,6 @@ namespace {
 
 using core::Vec3;
 using Timer = std::chrono::steady_clock;
-
-double square(double v) {
-  return v * v;
-}
-
-double size_of(Vec3 light) {
-  return (std::abs(light.x) + std::abs(light.y) + std::abs(light.z)) / 3;
-}
 
 bool late(const PlanExecution::Deadline& deadline) {
   return deadline && Timer::now() >= *deadline;
@@ -91,7 +84,7 @@ double PlanExecution::add(const DistantLight& light, model::PictureSum& sum, std
   sum.add(image, light.irradiance);
   const std::vector<double> weights = captured_.interpolation->linear_weights(light.direction);
   for (std::size_t i = 0; i < weights.size(); ++i) colours[i] = colours[i] - weights[i] * light.irradiance;
-  const double size = size_of(light.irradiance);
+  const double size = magnitude(light.irradiance);
   const double observed = square(size * root_mean_square(captured_.differences.observed_difference(image, weights)));
   observed_ += observed;
   expected_ += square(size * captured_.differences.expected(captured_.differences.nearest(light.direction)));
