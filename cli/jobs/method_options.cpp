@@ -96,7 +96,9 @@ nlohmann::ordered_json knob_values(const MethodChoice& choice) {
   return values;
 }
 
-MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id, bool adapted) {
+MethodChoice resolve(const MethodChoice& asked, const db::Store& store, db::Id scan_id, bool adapted) {
+  MethodChoice choice = asked;
+  if (choice.method == "auto") choice.method.clear();
   if (!choice.method.empty()) {
     model::method_info(choice.method);
     refuse_useless_knobs(choice, std::vector{choice.method});

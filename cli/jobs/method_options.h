@@ -30,7 +30,8 @@ struct MethodChoice {
 
 // What --method takes where one picture is made.
 inline constexpr const char* kOneMethod =
-    "How pictures between the lights are made [by the newest model trained on the scan that beat rbf, else blend]";
+    "How pictures between the lights are made; auto: by the newest model trained on the scan that beat rbf, else blend "
+    "[auto]";
 
 // Adds --method and every knob of every method. `method_help` says what --method takes; a list of the methods follows.
 void add_method_options(CLI::App& command, MethodChoice& choice, const std::string& method_help);
@@ -44,7 +45,7 @@ MethodChoice for_method(const MethodChoice& choice, const std::string& method);
 // The value of every knob of the method, as given or by default: {"domain": "display"}. For provenance, which names the model by its hash.
 nlohmann::ordered_json knob_values(const MethodChoice& choice);
 
-// Fills in what the user left open: the method and, for networks, the model file. With the method left open too, a model that was no better than
+// Fills in what the user left open: the method (no name, or auto) and, for networks, the model file. With the method left open too, a model that was no better than
 // rbf is left out; with `adapted` false, one that `superres --adapt` made. Throws UsageError when a network but blend has no model, and
 // for a knob that the method does not have.
 MethodChoice resolve(const MethodChoice& choice, const db::Store& store, db::Id scan_id, bool adapted = true);
