@@ -1,8 +1,10 @@
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/jobs/light_pack.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/options.h"
@@ -57,14 +59,20 @@ void run_relight(const Options& options, Context& context) {
     throw core::UsageError("--out: '" + options.out.string() + "' must end in .exr");
   db::Store store = context.open_store();
   const db::Scan scan = store.scan(options.name);
-  MethodChoice choice = resolve(options.method, store, scan.id);
+  const bool by_pack = takes_pack(options.method, store, scan);
+  MethodChoice choice = by_pack ? MethodChoice{.method = "pack"} : resolve(options.method, store, scan.id);
   if (!options.environment.empty()) {
     // It is a sum of very many lights, and light adds up linearly: display values would not.
     choice.options.domain = model::Domain::kLinear;
     choice.knobs["--domain"] = "linear";
   }
   const db::LoadedScan source = load_scan(store, options.name);
-  const auto interpolator = model::make_interpolator(choice.method, source.scan, choice.options);
+  const auto loading = std::chrono::steady_clock::now();
+  const std::optional<PackInfo> pack = by_pack ? find_pack(store, scan.id) : std::nullopt;
+  const std::unique_ptr<model::LightInterpolator> interpolator =
+      by_pack ? load_pack(store, source, scan.id)
+              : model::make_interpolator(choice.method, source.scan, choice.options);
+  const double load_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - loading).count();
   const relight::RelightReport report = relit(options, light, *interpolator);
 
   const double stops = options.exposure_stops.value_or(relight::auto_exposure_stops(report.image, source.scan.mask()));
@@ -75,6 +83,7 @@ void run_relight(const Options& options, Context& context) {
   picture.scan_id = scan.id;
   picture.input_scans = {scan.id};
   picture.input_products = source.products();
+  if (pack) picture.input_products.push_back(pack->id);
   picture.parameters = json_text(
       {{"light", options.light},
        {"radius_deg", options.radius_degrees},
@@ -84,23 +93,30 @@ void run_relight(const Options& options, Context& context) {
        {"samples", options.samples},
        {"virtual_lights", options.virtual_lights},
        {"method", choice.method},
-       {"knobs", knob_values(choice)},
+       {"knobs", by_pack ? nlohmann::ordered_json::object() : knob_values(choice)},
        {"model", choice.options.model_file.string()},
        {"model_hash", choice.options.model_file.empty() ? "" : db::hash_file(choice.options.model_file).hex()},
        {"stops", stops},
        {"file", std::filesystem::absolute(written.exr).string()}});
   store.add_product(picture);
-  context.result("relit '" + options.name + "' by " + choice.method + " from " +
-                     std::to_string(report.directions_synthesised) + " synthesised pictures in " +
+  const std::string from =
+      pack ? std::to_string(pack->rank) + " basis pictures (error " + fixed(pack->errors.relative, 5) + ")"
+           : std::to_string(report.directions_synthesised) + " synthesised pictures";
+  nlohmann::ordered_json json{{"scan", options.name},
+                              {"method", choice.method},
+                              {"directions_synthesised", report.directions_synthesised},
+                              {"seconds", report.seconds},
+                              {"stops", stops},
+                              {"exr", written.exr.string()},
+                              {"png", written.png.string()}};
+  if (pack) {
+    json["pack"] = to_json(*pack);
+    json["pack"]["load_seconds"] = load_seconds;
+  }
+  context.result("relit '" + options.name + "' by " + choice.method + " from " + from + " in " +
                      fixed(report.seconds, 2) + " s\nwrote " + written.exr.string() + " and " + written.png.string() +
                      " (" + fixed(stops, 2) + " stops)\n",
-                 {{"scan", options.name},
-                  {"method", choice.method},
-                  {"directions_synthesised", report.directions_synthesised},
-                  {"seconds", report.seconds},
-                  {"stops", stops},
-                  {"exr", written.exr.string()},
-                  {"png", written.png.string()}});
+                 json);
 }
 
 }  // namespace
@@ -112,7 +128,8 @@ void add_relight(CLI::App& program, Context& context) {
       "Examples:\n"
       "  lightstage relight head --light 0.3,0.5,0.8 --out key.exr\n"
       "  lightstage relight head --light 40,20 --radius 10 --out soft.exr      (longitude,latitude in degrees)\n"
-      "  lightstage relight head --env venice.hdr --method linear --out venice.exr");
+      "  lightstage relight head --env venice.hdr --method linear --out venice.exr\n"
+      "  lightstage relight head-dense --env venice.hdr --out venice.exr       (by the pack of superres --compress)");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The scan")->required();
   command->add_option("--light", options->light, "Direction to the light: x,y,z or longitude,latitude in degrees");
@@ -133,7 +150,8 @@ void add_relight(CLI::App& program, Context& context) {
   command->add_option("--exposure", options->exposure_stops, "Stops for the PNG [so that the bright parts just fit]")
       ->check(number_between(-60, 60));
   command->add_option("--out", options->out, "The .exr to write; a .png comes beside it")->required();
-  add_method_options(*command, options->method, kOneMethod);
+  add_method_options(*command, options->method,
+                     std::string(kOneMethod) + " or, where `superres --compress` packed the scan, its `pack`");
   command->callback([options, &context] { run_relight(*options, context); });
 }
 

@@ -173,7 +173,7 @@ class Store {
   // product refers to it, it is only a file. Throws BadInput for an image that is empty, not finite or has more than
   // 4 channels.
   ContentHash put_object(core::ImageView image);
-  // StoreError naming the object when it is missing or its bytes do not match the name.
+  // StoreError naming the object when it is missing or its bytes do not match the name. Needs no connection: may be called from several threads.
   core::Image object(const ContentHash& hash) const;
   core::ImageSize object_size(const ContentHash& hash) const;  // from catalogue or file header, without decoding
   std::filesystem::path object_path(const ContentHash& hash) const;

@@ -54,13 +54,13 @@ std::vector<core::Direction> cap_directions(const core::Direction& axis, double 
 RelightReport relight_lights(const model::LightInterpolator& interpolator, std::span<const DistantLight> lights) {
   const Timer::time_point start = Timer::now();
   for (const DistantLight& light : lights) require_light(light.irradiance);
-  const core::ImageSize size = interpolator.scan().image_size();
-  model::PictureSum sum({size.height, size.width, 3});
   RelightReport report;
   const std::vector<core::Vec3> colours = interpolator.captured_colours(lights);
   if (!colours.empty()) {
-    sum.add(interpolator.scan(), colours);
+    report.image = interpolator.lit_by(colours);
   } else {
+    const core::ImageSize size = interpolator.scan().image_size();
+    model::PictureSum sum({size.height, size.width, 3});
     std::vector<core::Direction> directions;
     for (const DistantLight& light : lights) directions.push_back(light.direction);
     for (const std::size_t i : core::neighbouring_order(directions)) {  // neighbours share captured images
@@ -71,8 +71,8 @@ RelightReport relight_lights(const model::LightInterpolator& interpolator, std::
       sum.add(picture.channels() == 3 ? picture : core::to_rgb(picture), light.irradiance);
       ++report.directions_synthesised;
     }
+    report.image = sum.result();
   }
-  report.image = sum.result();
   report.seconds = seconds_since(start);
   return report;
 }
