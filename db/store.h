@@ -196,7 +196,8 @@ class Store {
   // Checks the schema, foreign keys, every object's bytes against its name, that everything named in the
   // catalogue is there, that every step has its frame, and that the step table agrees with the pixels: a
   // frame lit by one calibrated light must resemble the frames of the neighbouring lights more than those
-  // around a light elsewhere (swapped frames stand out). Reads every object, on all threads.
+  // around a light elsewhere (swapped frames stand out; virtual scans have nothing to swap). Reads every object, on
+  // all threads.
   VerifyReport verify() const;
 
  private:

@@ -56,7 +56,7 @@ fs::path basis_picture(const Darkroom& darkroom, std::size_t k) {
 
 }  // namespace
 
-TEST_CASE("a virtual scan is packed once, and relit by its pack unless another method is asked for") {
+TEST_CASE("a virtual scan is relit by its pack unless another method is asked for") {
   const Darkroom darkroom;
   const nlohmann::json made = packed(darkroom);
   const nlohmann::json& pack = made.at("pack");
@@ -71,9 +71,8 @@ TEST_CASE("a virtual scan is packed once, and relit by its pack unless another m
   CHECK(pack.at("already_stored") == false);
 
   const test::Outcome by_pack = relit(darkroom, "pack.exr", {}),
-                      asked = relit(darkroom, "asked.exr", {"--method", "pack"}),
                       whole = relit(darkroom, "whole.exr", {"--method", "barycentric"});
-  for (const test::Outcome* outcome : {&by_pack, &asked, &whole}) {
+  for (const test::Outcome* outcome : {&by_pack, &whole}) {
     INFO(outcome->err);
     REQUIRE(outcome->status == 0);
   }
@@ -84,7 +83,6 @@ TEST_CASE("a virtual scan is packed once, and relit by its pack unless another m
   CHECK(whole.json().at("method") == "barycentric");
   CHECK_FALSE(whole.json().contains("pack"));
   const core::Image a = core::read_image(darkroom / "pack.exr"), b = core::read_image(darkroom / "whole.exr");
-  CHECK(core::read_image(darkroom / "asked.exr") == a);
   double squared = 0, energy = 0;
   for (std::size_t i = 0; i < a.values().size(); ++i) {
     squared += std::pow(double(a.values()[i]) - double(b.values()[i]), 2);
@@ -92,15 +90,19 @@ TEST_CASE("a virtual scan is packed once, and relit by its pack unless another m
   }
   CHECK(squared > 0);
   CHECK(std::sqrt(squared / energy) < 0.01);
+}
 
+TEST_CASE("a virtual scan is packed once for an error, the newest pack is taken, and packs go with their scan") {
+  const Darkroom darkroom;
+  packed(darkroom);
   CHECK(packed(darkroom).at("pack").at("already_stored") == true);
-  std::vector<std::string> finer = kPack;
-  finer.insert(finer.end(), {"--compress-error", "0.003"});
-  const test::Outcome better = darkroom.run(finer);
-  INFO(better.err);
-  REQUIRE(better.status == 0);
-  CHECK(better.json().at("pack").at("error").get<double>() <= 0.003);
-  CHECK(relit(darkroom, "finer.exr", {}).json().at("pack").at("asked_error") == 0.003);
+  std::vector<std::string> command = kPack;
+  command.insert(command.end(), {"--compress-error", "0.003"});
+  const test::Outcome finer = darkroom.run(command);
+  INFO(finer.err);
+  REQUIRE(finer.status == 0);
+  CHECK(finer.json().at("pack").at("error").get<double>() <= 0.003);
+  CHECK(relit(darkroom, "finer.exr", {"--method", "pack"}).json().at("pack").at("asked_error") == 0.003);
   CHECK(darkroom.run({"store", "verify", "--json"}).json().at("ok") == true);
   CHECK(darkroom.run({"store", "rm", "dense", "--yes"}).status == 0);
 }
@@ -163,7 +165,7 @@ TEST_CASE("packs that are not there or from another program are refused in one l
 TEST_CASE("superres --compress that was interrupted goes on by the same command") {
   const Darkroom darkroom;
   std::vector<std::string> command = kPack;
-  command[3] = "300";
+  command[3] = "400";
   for (const int signal : {SIGKILL, SIGINT}) {
     test::BackgroundRun run(darkroom.store(), command);
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
