@@ -26,10 +26,10 @@ double spacing(std::span<const core::Vec3> points) {
   const std::size_t neighbour = std::min(kNeighbour, points.size() - 1);
   std::vector<double> spacings;
   for (const core::Vec3 point : points) {
-    std::vector<double> angles;
-    for (const core::Vec3 other : points) angles.push_back(angle(point, other));
-    std::nth_element(angles.begin(), angles.begin() + std::ptrdiff_t(neighbour), angles.end());
-    spacings.push_back(angles[neighbour]);
+    std::vector<double> chords;  // squared: in the order of the angles, and cheaper for thousands of lights
+    for (const core::Vec3 other : points) chords.push_back(core::dot(point - other, point - other));
+    std::nth_element(chords.begin(), chords.begin() + std::ptrdiff_t(neighbour), chords.end());
+    spacings.push_back(2 * std::asin(std::min(1.0, std::sqrt(chords[neighbour]) / 2)));
   }
   const auto middle = spacings.begin() + std::ptrdiff_t(spacings.size() / 2);
   std::nth_element(spacings.begin(), middle, spacings.end());
