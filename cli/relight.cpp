@@ -1,18 +1,18 @@
 #include <algorithm>
-#include <chrono>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
 #include "cli/format.h"
-#include "cli/jobs/environments.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/options.h"
+#include "cli/relight/explain.h"
 #include "cli/relight/make_pictures.h"
+#include "cli/relight/picture_method.h"
 #include "core/error.h"
-#include "core/sphere.h"
+#include "core/stopwatch.h"
 #include "core/text.h"
 #include "model/peak_memory.h"
 
@@ -31,8 +31,6 @@ struct Options {
   std::filesystem::path out;
   MethodChoice method;
 };
-
-constexpr std::size_t kLightsNamed = 8;  // by --explain
 
 std::size_t picture_count(const std::vector<Sequence>& all) {
   std::size_t count = 0;
@@ -96,7 +94,13 @@ std::string environment_text(const FramePicture& work, const EnvironmentOptions&
          fixed(report.seconds - report.seconds_planning - report.seconds_synthesising, 2) + " s\n";
 }
 
-void report(const Options& options, const std::string& method, const PicturePlace& place,
+std::string source_text(const PictureMethod& method, const FramePicture& work) {
+  if (!method.pack()) return std::to_string(work.directions_synthesised) + " synthesised pictures";
+  return std::to_string(method.pack()->rank) + " basis pictures (error " +
+         core::number_text(method.pack()->errors.relative, 2) + ")";
+}
+
+void report(const Options& options, const PictureMethod& method, double preparing_seconds, const PicturePlace& place,
             const std::vector<MadePicture>& pictures, std::optional<std::size_t> peak_bytes, const Context& context) {
   const relight::ErrorMeasure measure = options.frames.environment.measure;
   const MadePicture &first = pictures.front(), &last = pictures.back();
@@ -112,16 +116,18 @@ void report(const Options& options, const std::string& method, const PicturePlac
   const bool several = pictures.size() > 1;
   std::string text;
   if (already_made < pictures.size())
-    text = "relit '" + options.name + "' by " + method + " from " + std::to_string(all.directions_synthesised) +
-           " synthesised pictures in " + fixed(all.seconds, 2) + " s\n";
+    text = "relit '" + options.name + "' by " + method.name() + " from " + source_text(method, all) + " in " +
+           fixed(all.seconds, 2) + " s\n";
   if (!several) text += environment_text(first.work, options.frames.environment);
   if (already_made > 0)
     text += std::to_string(already_made) + " of " + std::to_string(pictures.size()) + " pictures were there already\n";
   text += std::string(first.already_made ? "" : "wrote ") + first.files.exr.string() +
           (several ? " to " + last.files.exr.string() + ", each with its .png" : " and " + first.files.png.string()) +
           " (" + fixed(first.stops, 2) + " stops)\n";
-  ordered_json json{{"scan", options.name}, {"method", method}};
+  ordered_json json{{"scan", options.name}, {"method", method.name()}};
   json.update(several ? work_json(all, measure) : work_json(first.work, measure));
+  if (method.pack()) json["pack"] = to_json(*method.pack());
+  json["seconds_preparing"] = preparing_seconds;
   json["peak_rss_bytes"] = or_null(peak_bytes);
   json["stops"] = first.stops;
   json["exr"] = first.files.exr.string();
@@ -133,81 +139,8 @@ void report(const Options& options, const std::string& method, const PicturePlac
   context.result(text, json);
 }
 
-// An environment is a sum of very many lights, and light adds up linearly: display values would not.
-void sum_linear_light(MethodChoice& choice) {
-  choice.options.domain = model::Domain::kLinear;
-  choice.knobs["--domain"] = "linear";
-}
-
 bool has_environment(const std::vector<Sequence>& all) {
   return std::any_of(all.begin(), all.end(), [](const Sequence& s) { return s.rig.environment.has_value(); });
-}
-
-// What would be synthesised for the first frame of each sequence, and what that would take. One picture is synthesised to tell the time of one.
-void explain(const std::vector<Sequence>& all, const Options& options, Context& context) {
-  const EnvironmentOptions& asked = options.frames.environment;
-  const relight::Goal goal = asked.goal();
-  const auto* error = std::get_if<relight::ErrorGoal>(&goal);
-  if (!error) throw core::UsageError("--explain tells the plan for an error: give --error, or --quality draft or good");
-  const db::Store store = context.open_store();
-  MethodChoice choice = resolve(options.method, store, store.scan(options.name).id);
-  sum_linear_light(choice);
-  const std::string& method = choice.method;
-  const db::LoadedScan source = load_scan(store, options.name);
-  const model::PeakMemory memory;
-  const auto interpolator = model::make_interpolator(method, source.scan, choice.options);
-  const relight::EnvironmentRelighter relighter(*interpolator);
-  const std::vector<core::Direction>& lights = source.scan.directions();
-  std::string text;
-  ordered_json plans = ordered_json::array();
-  for (const Sequence& sequence : all) {
-    const relight::RigFrame frame = sequence.rig.frame(0);
-    if (!frame.environment) continue;
-    const relight::Environment map =
-        asked.resized(read_environment(frame.environment->file)).rotated(frame.environment->rotate_degrees);
-    const auto start = std::chrono::steady_clock::now();
-    const auto elapsed = [&] {
-      return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    };
-    const relight::Plan plan = relighter.plan(map, *error);
-    const double planning = elapsed();
-    double seconds = planning;
-    if (plan.pictures() > 0) {
-      const relight::DistantLight& first = plan.synthesised.empty() ? plan.remainder[0] : plan.synthesised[0];
-      interpolator->render(first.direction);
-      const double once_prepared = elapsed();
-      interpolator->render(first.direction);
-      seconds = once_prepared + double(plan.pictures() - 1) * (elapsed() - once_prepared);
-    }
-    ordered_json json{{"environment", frame.environment->file.string()}, {"method", method}};
-    json.update(plan_json(plan));
-    json["directions_synthesised"] = plan.pictures();
-    json["expected_seconds"] = seconds;
-    json["expected_error"] = plan.expected_error(error->measure);
-    json["peak_rss_bytes"] = or_null(memory.bytes());
-    text += frame.environment->file.string() + ": " + std::to_string(lights.size()) + " captured pictures, and " +
-            std::to_string(plan.synthesised.size()) + " synthesised by " + method +
-            (plan.remainder.empty() ? std::string()
-                                    : " and " + std::to_string(plan.remainder.size()) + " as samples of the rest") +
-            "; about " + fixed(seconds, 1) + " s; expected: DSSIM " +
-            core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) + ", relative RMS " +
-            core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
-    std::vector<std::vector<std::string>> rows{{"longitude, latitude", "irradiance", "nearest captured lights"}};
-    for (std::size_t i = 0; i < plan.synthesised.size(); ++i) {
-      const relight::DistantLight& light = plan.synthesised[i];
-      const std::vector<std::size_t> nearest = core::nearest_indices(lights, light.direction, kLightsNamed);
-      json["lights"][i]["nearest_captured"] = nearest;
-      std::string names;
-      for (const std::size_t index : nearest) names += (names.empty() ? "" : " ") + std::to_string(index);
-      const core::Vec3 rgb = light.irradiance;
-      rows.push_back(
-          {fixed(light.direction.longitude_degrees(), 1) + ", " + fixed(light.direction.latitude_degrees(), 1),
-           core::number_text(rgb.x, 3) + " " + core::number_text(rgb.y, 3) + " " + core::number_text(rgb.z, 3), names});
-    }
-    if (rows.size() > 1) text += table(rows);
-    plans.push_back(std::move(json));
-  }
-  context.result(text, {{"scan", options.name}, {"plans", plans}});
 }
 
 void run_relight(const Options& options, Context& context) {
@@ -217,7 +150,7 @@ void run_relight(const Options& options, Context& context) {
   if (!has_environment(all) && (options.explain || options.frames.environment.given()))
     throw core::UsageError("--error, --budget, --quality, --exhaustive, --size and --explain are for environments");
   if (options.explain) {
-    explain(all, options, context);
+    explain(all, options.frames.environment, options.method, options.name, context);
     return;
   }
   if (options.out.empty()) throw core::UsageError("--out is missing: where should the picture go?");
@@ -229,22 +162,25 @@ void run_relight(const Options& options, Context& context) {
   db::Store store = context.open_store();
   store.require_writable();
   const db::Scan scan = store.scan(options.name);
-  MethodChoice choice = resolve(options.method, store, scan.id);
-  if (has_environment(all)) sum_linear_light(choice);
+  const PictureMethod method(options.method, store, scan, has_environment(all));
   const db::LoadedScan source = load_scan(store, options.name);
 
   const model::PeakMemory memory;
   std::vector<PictureJob> jobs;
   for (Sequence& sequence : all) {
-    Recipe recipe(sequence.rig, choice, options.frames, options.exposure_stops);
+    Recipe recipe(sequence.rig, method, options.frames, options.exposure_stops);
     jobs.push_back({std::move(sequence), std::move(recipe), options.exposure_stops});
   }
-  PictureFiles files(store, scan, source, place.folder());
+  PictureFiles files(store, scan, method.inputs(source), place.folder());
   find_made_pictures(jobs, place, files);
+  double preparing_seconds = 0;
   const std::vector<MadePicture> pictures = make_pictures(jobs, place, files, options.frames, source.scan.mask(), [&] {
-    return model::make_interpolator(choice.method, source.scan, choice.options);
+    const core::Stopwatch stopwatch;
+    auto interpolator = method.interpolator(store, source);
+    preparing_seconds = stopwatch.seconds();
+    return interpolator;
   });
-  report(options, choice.method, place, pictures, memory.bytes(), context);
+  report(options, method, preparing_seconds, place, pictures, memory.bytes(), context);
 }
 
 }  // namespace
@@ -281,7 +217,8 @@ void add_relight(CLI::App& program, Context& context) {
       ->check(number_between(-60, 60));
   command->add_option("--out", options->out,
                       "The .exr to write; for several pictures a folder (end it in /). A .png comes beside each");
-  add_method_options(*command, options->method, kOneMethod);
+  add_method_options(*command, options->method,
+                     std::string(kOneMethod) + " or, where `superres --compress` packed the scan, its `pack`");
   command->callback([options, &context] { run_relight(*options, context); });
 }
 

@@ -1,14 +1,17 @@
 #include <CLI/CLI.hpp>
+#include <chrono>
 #include <nlohmann/json.hpp>
 
 #include "cli/commands.h"
 #include "cli/format.h"
+#include "cli/jobs/light_pack.h"
 #include "cli/jobs/method_options.h"
 #include "cli/jobs/scans.h"
 #include "cli/jobs/superres.h"
 #include "cli/jobs/train.h"
 #include "cli/options.h"
 #include "core/error.h"
+#include "core/progress.h"
 #include "core/version.h"
 #include "db/content_hash.h"
 
@@ -20,6 +23,8 @@ struct Options {
   std::string name, out;
   std::size_t lights = 1024;
   std::optional<double> adapt_minutes;
+  bool compress = false;
+  double compress_error = 0.01;
   MethodChoice method;
 };
 
@@ -42,6 +47,51 @@ void adapt(db::Store& store, const std::string& scan, const MethodChoice& choice
     std::filesystem::remove(model::last_checkpoint_path(out), error);  // of a run that was killed as it began
   }
   train_on_scans(store, {scan}, options, out);
+}
+
+std::uintmax_t bytes_of_frames(const db::Store& store, db::Id scan_id) {
+  std::uintmax_t bytes = 0;
+  for (const db::Frame& frame : store.frames(scan_id))
+    bytes += std::filesystem::file_size(store.object_path(frame.object));
+  return bytes;
+}
+
+// The pack that the scan has, if it is sound and what is asked for.
+std::optional<PackInfo> sound_pack(const db::Store& store, const db::LoadedScan& scan, db::Id scan_id, double error) {
+  try {
+    const auto pack = find_pack(store, scan_id);
+    if (!pack || pack->asked_error != error) return std::nullopt;
+    load_pack(store, scan, scan_id);
+    return pack;
+  } catch (const core::StoreError& broken) {
+    core::warn(std::string(broken.what()) + " (which is done now)");
+    return std::nullopt;
+  }
+}
+
+// Packs the virtual scan, unless it is packed like that already.
+nlohmann::ordered_json pack_scan(db::Store& store, const std::string& name, double error, double exposure) {
+  const db::LoadedScan scan = load_scan(store, name);
+  const db::Id id = store.scan(name).id;
+  const auto start = std::chrono::steady_clock::now();
+  std::optional<PackInfo> pack = sound_pack(store, scan, id, error);
+  const bool already_stored = pack.has_value();
+  if (!pack) pack = store_pack(store, scan, id, relight::compress(scan.scan, error, exposure), error);
+  if (pack->errors.relative > error)
+    core::warn("the pack's error is " + fixed(pack->errors.relative, 5) + ", over the " + fixed(error, 5) +
+               " asked for");
+  nlohmann::ordered_json json = to_json(*pack);
+  json["scan_bytes"] = bytes_of_frames(store, id);
+  json["already_stored"] = already_stored;
+  json["seconds"] = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return json;
+}
+
+std::string text_of_pack(const nlohmann::ordered_json& pack) {
+  const auto megabytes = [&](const char* key) { return fixed(double(pack.at(key)) / 1e6, 1) + " MB"; };
+  return "packed: " + std::to_string(pack.at("rank").get<std::size_t>()) + " basis pictures, " + megabytes("bytes") +
+         " beside " + megabytes("scan_bytes") + "; error " + fixed(pack.at("error"), 5) + ", of the worst light " +
+         fixed(pack.at("largest_light_error"), 5) + ", display-encoded " + fixed(pack.at("display_error"), 5) + "\n";
 }
 
 void run_superres(const Options& options, Context& context) {
@@ -77,14 +127,19 @@ void run_superres(const Options& options, Context& context) {
   const std::vector<core::Direction> directions = virtual_directions(source.scan.directions(), options.lights);
   const SuperresReport report =
       superres(store, source, scan, *interpolator, json_text(parameters), directions, options.out);
-  context.result("made '" + options.out + "': " + std::to_string(report.lights) + " lights by " + choice.method + ", " +
-                     fixed(report.seconds_per_image, 3) + " s an image\n",
-                 {{"scan", options.out},
-                  {"source", options.name},
-                  {"method", choice.method},
-                  {"lights", report.lights},
-                  {"already_stored", report.already_stored},
-                  {"seconds_per_image", report.seconds_per_image}});
+  std::string text = "made '" + options.out + "': " + std::to_string(report.lights) + " lights by " + choice.method +
+                     ", " + fixed(report.seconds_per_image, 3) + " s an image\n";
+  nlohmann::ordered_json json{{"scan", options.out},
+                              {"source", options.name},
+                              {"method", choice.method},
+                              {"lights", report.lights},
+                              {"already_stored", report.already_stored},
+                              {"seconds_per_image", report.seconds_per_image}};
+  if (options.compress) {
+    json["pack"] = pack_scan(store, options.out, options.compress_error, source.scan.exposure());
+    text += text_of_pack(json["pack"]);
+  }
+  context.result(text, json);
 }
 
 }  // namespace
@@ -93,7 +148,7 @@ void add_superres(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("superres", "Make a scan with more lights than the stage has");
   command->footer(
       "Example:\n  lightstage superres head --lights 1024 --out head-dense\n  lightstage superres head --lights 1024 "
-      "--adapt 5 --out head-adapted");
+      "--adapt 5 --out head-adapted\n  lightstage superres head --lights 4096 --compress --out head-dense");
   auto options = std::make_shared<Options>();
   command->add_option("SCAN", options->name, "The captured or imported scan")->required();
   command->add_option("--out", options->out, "Name of the new scan")->required();
@@ -105,6 +160,15 @@ void add_superres(CLI::App& program, Context& context) {
                    "First train the network for so many minutes on this scan, from where it stands; the same command "
                    "goes on with what was interrupted")
       ->check(number_between(0.01, 1e5));
+  CLI::Option* compress = command->add_flag(
+      "--compress", options->compress, "Also pack the new scan into few basis pictures, by which `relight` is fastest");
+  command
+      ->add_option(
+          "--compress-error", options->compress_error,
+          "What that may cost: root mean square over lights and values inside the mask, relative to the pictures'")
+      ->capture_default_str()
+      ->check(number_between(relight::kLeastPackError, relight::kMostPackError))
+      ->needs(compress);
   add_method_options(*command, options->method, kOneMethod);
   command->callback([options, &context] { run_superres(*options, context); });
 }

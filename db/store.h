@@ -173,7 +173,7 @@ class Store {
   // product refers to it, it is only a file. Throws BadInput for an image that is empty, not finite or has more than
   // 4 channels.
   ContentHash put_object(core::ImageView image);
-  // StoreError naming the object when it is missing or its bytes do not match the name.
+  // StoreError naming the object when it is missing or its bytes do not match the name. Needs no connection: may be called from several threads.
   core::Image object(const ContentHash& hash) const;
   core::ImageSize object_size(const ContentHash& hash) const;  // from catalogue or file header, without decoding
   std::filesystem::path object_path(const ContentHash& hash) const;
@@ -196,7 +196,8 @@ class Store {
   // Checks the schema, foreign keys, every object's bytes against its name, that everything named in the
   // catalogue is there, that every step has its frame, and that the step table agrees with the pixels: a
   // frame lit by one calibrated light must resemble the frames of the neighbouring lights more than those
-  // around a light elsewhere (swapped frames stand out). Reads every object, on all threads.
+  // around a light elsewhere (swapped frames stand out; virtual scans have nothing to swap). Reads every object, on
+  // all threads.
   VerifyReport verify() const;
 
  private:

@@ -15,17 +15,15 @@ namespace lightstage::model {
 
 namespace {
 
-// Methods that need every image for every query, and whose weights for many lights at once come cheaper than one by one.
+// Methods whose weights for many lights at once come cheaper than one by one.
 template <class SummableWeights>
-class GlobalWeights : public WeightedImages {
+class SummableImages : public WeightedImages {
  public:
-  GlobalWeights(const std::string& name, const core::OlatScan& scan, Domain domain,
-                const std::shared_ptr<const SummableWeights>& weights)
+  SummableImages(const std::string& name, const core::OlatScan& scan, Domain domain,
+                 const std::shared_ptr<const SummableWeights>& weights)
       : WeightedImages(name, scan, domain, [weights](const core::Direction& query) { return (*weights)(query); }),
         domain_(domain),
-        weights_(weights) {
-    prepare();
-  }
+        weights_(weights) {}
   std::vector<core::Vec3> captured_colours(std::span<const DistantLight> lights) const override {
     return domain_ == Domain::kLinear ? weights_->sum(lights) : std::vector<core::Vec3>();
   }
@@ -33,6 +31,17 @@ class GlobalWeights : public WeightedImages {
  private:
   Domain domain_;
   std::shared_ptr<const SummableWeights> weights_;
+};
+
+// Those of them that need every image for every query.
+template <class SummableWeights>
+class GlobalWeights : public SummableImages<SummableWeights> {
+ public:
+  GlobalWeights(const std::string& name, const core::OlatScan& scan, Domain domain,
+                const std::shared_ptr<const SummableWeights>& weights)
+      : SummableImages<SummableWeights>(name, scan, domain, weights) {
+    this->prepare();
+  }
 };
 
 }  // namespace
@@ -62,7 +71,8 @@ std::unique_ptr<LightInterpolator> make_linear_blend(const core::OlatScan& scan,
 }
 
 std::unique_ptr<LightInterpolator> make_barycentric(const core::OlatScan& scan, Domain domain) {
-  return std::make_unique<WeightedImages>("barycentric", scan, domain, BarycentricWeights(scan.directions()));
+  return std::make_unique<SummableImages<BarycentricWeights>>(
+      "barycentric", scan, domain, std::make_shared<const BarycentricWeights>(scan.directions()));
 }
 
 std::unique_ptr<LightInterpolator> make_rbf(const core::OlatScan& scan, Domain domain, const RadialBasis& basis) {

@@ -1,6 +1,7 @@
 #include "model/interpolator.h"
 
 #include "model/classical/ordered_sum.h"
+#include "model/picture_sum.h"
 
 namespace lightstage::model {
 
@@ -15,6 +16,13 @@ std::vector<core::Vec3> LightInterpolator::captured_colours(std::span<const Dist
     for (std::size_t i = 0; i < weights.size(); ++i)
       if (weights[i] != 0) colours[i] = colours[i] + weights[i] * lights[q].irradiance;
   });
+}
+
+core::Image LightInterpolator::lit_by(std::span<const core::Vec3> colours) const {
+  const core::ImageSize size = scan().image_size();
+  PictureSum sum({size.height, size.width, 3});
+  sum.add(scan(), colours);
+  return sum.result();
 }
 
 }  // namespace lightstage::model

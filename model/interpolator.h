@@ -39,6 +39,10 @@ class LightInterpolator {
   // sum_q irradiance_q linear_weights(q)_i; many lights then cost one sum of images. The same for every thread count.
   // Empty for all others.
   virtual std::vector<core::Vec3> captured_colours(std::span<const DistantLight> lights) const;
+
+  // For the same methods: the picture when the captured lights shine so, sum_i colour_i image_i, in 3 channels (model/picture_sum.h). A method that
+  // holds the images in another form overrides it. Throws BadInput unless there is one finite colour a light.
+  virtual core::Image lit_by(std::span<const core::Vec3> colours) const;
 };
 
 }  // namespace lightstage::model

@@ -122,6 +122,20 @@ void PictureSum::add(const core::Image& picture, core::Vec3 colour) {
   add(Terms{{&picture}, {factors_of(colour)}});
 }
 
+void PictureSum::add(std::span<const core::Image> pictures, std::span<const core::Vec3> colours) {
+  if (size_.channels != 3 || pictures.size() != colours.size() ||
+      !std::all_of(colours.begin(), colours.end(), [](core::Vec3 c) { return is_finite(c); }))
+    throw core::BadInput("coloured lights need a sum of 3 channels and a finite colour a picture");
+  for (std::size_t start = 0; start < pictures.size(); start += kGroup) {
+    Terms terms;
+    for (std::size_t i = start; i < std::min(start + kGroup, pictures.size()); ++i) {
+      terms.pictures.push_back(&pictures[i]);
+      terms.factors.push_back(factors_of(colours[i]));
+    }
+    add(terms);
+  }
+}
+
 template <class Weight>
 void PictureSum::add_scan(const core::OlatScan& scan, std::span<const Weight> weights) {
   if (weights.size() != scan.light_count())

@@ -23,6 +23,9 @@ class PictureSum {
   // another size.
   void add(const core::Image& picture, core::Vec3 colour);
 
+  // Adds pictures that are in memory, each times its colour. Throws as above, and unless there is one colour a picture.
+  void add(std::span<const core::Image> pictures, std::span<const core::Vec3> colours);
+
   // Adds every image of the scan times its weight. Images whose weight is exactly 0 are not loaded. Throws
   // BadInput unless there is one finite weight a light and the sizes are equal, and what loading an image
   // throws; the sum is then of no more use.

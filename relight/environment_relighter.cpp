@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/sphere.h"
+#include "core/stopwatch.h"
 #include "model/picture_sum.h"
 #include "relight/plan_execution.h"
 #include "relight/relight.h"
@@ -17,11 +18,7 @@ namespace lightstage::relight {
 namespace {
 
 using core::Vec3;
-using Timer = std::chrono::steady_clock;
-
-double seconds_since(Timer::time_point start) {
-  return std::chrono::duration<double>(Timer::now() - start).count();
-}
+using Clock = std::chrono::steady_clock;
 
 void require_positive(double value, const char* what) {
   if (!(value > 0) || !std::isfinite(value))
@@ -57,10 +54,8 @@ EnvironmentReport captured_alone(const model::LightInterpolator& method, const E
   const core::OlatScan& scan = method.scan();
   const std::vector<Vec3> colours =
       method.captured_colours(environment.lights(core::median_spacing_radians(scan.directions()) / kBoxesPerSpacing));
-  model::PictureSum sum({scan.image_size().height, scan.image_size().width, 3});
   EnvironmentReport report;
-  if (!colours.empty()) sum.add(scan, colours);
-  report.image = sum.result();
+  report.image = method.lit_by(colours);
   report.directions_captured =
       std::size_t(std::count_if(colours.begin(), colours.end(), [](Vec3 c) { return c != Vec3{}; }));
   return report;
@@ -91,7 +86,7 @@ Plan EnvironmentRelighter::plan(const Environment& environment, const ErrorGoal&
 }
 
 EnvironmentReport EnvironmentRelighter::relight(const Environment& environment, const Goal& goal) const {
-  const Timer::time_point start = Timer::now();
+  const core::Stopwatch stopwatch;
   EnvironmentReport report;
   if (!captured_) {
     report = captured_alone(method_, environment);
@@ -103,15 +98,15 @@ EnvironmentReport EnvironmentRelighter::relight(const Environment& environment, 
     report = exhaustive(method_, environment);
   }
   report.directions_exhaustive = lit_pixels(environment);
-  report.seconds = seconds_since(start);
+  report.seconds = stopwatch.seconds();
   return report;
 }
 
 EnvironmentReport EnvironmentRelighter::within(const Environment& environment, const ErrorGoal& goal) const {
   require_positive(goal.error, "an error");
-  const Timer::time_point start = Timer::now();
+  const core::Stopwatch stopwatch;
   const EnvironmentPlanner planner(*captured_, method_.scan(), environment);
-  const double seconds_planning = seconds_since(start);
+  const double seconds_planning = stopwatch.seconds();
   PlanExecution execution(*captured_, method_, planner.captured_colours());
   const std::size_t all = lit_pixels(environment);
   constexpr int kRounds = 3;  // one is mostly enough; a round more where errors turn out to be larger than expected
@@ -135,18 +130,20 @@ EnvironmentReport EnvironmentRelighter::within(const Environment& environment, c
 
 EnvironmentReport EnvironmentRelighter::within(const Environment& environment, const TimeGoal& goal) const {
   require_positive(goal.seconds, "a time");
-  const Timer::time_point start = Timer::now();
+  const core::Stopwatch stopwatch;
   const EnvironmentPlanner planner(*captured_, method_.scan(), environment);
-  const double seconds_planning = seconds_since(start);
+  const double seconds_planning = stopwatch.seconds();
   // To sum the captured pictures at the end takes a third of what planning took, at most.
-  const Timer::time_point deadline = start + std::chrono::duration_cast<Timer::duration>(
-                                                 std::chrono::duration<double>(goal.seconds - seconds_planning / 3));
+  constexpr double kYear = 3e7;  // more would overflow the clock
+  const double seconds_left = std::min(goal.seconds, kYear) - seconds_planning * 4 / 3;
+  const Clock::time_point deadline =
+      Clock::now() + std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds_left));
   PlanExecution execution(*captured_, method_, planner.captured_colours());
   // The first picture takes longer than those after it; the second tells how long they take.
   for (const DistantLight& light : planner.at_most(2).synthesised) {
-    if (Timer::now() < deadline) execution.picture(light.direction);
+    if (Clock::now() < deadline) execution.picture(light.direction);
   }
-  const double left = std::chrono::duration<double>(deadline - Timer::now()).count();
+  const double left = goal.seconds - seconds_planning / 3 - stopwatch.seconds();
   const double more = std::clamp(left / std::max(execution.last_seconds(), 1e-6), 0.0, double(lit_pixels(environment)));
   Plan plan = planner.at_most(execution.directions_synthesised() + std::size_t(more));
   core::Image image = execution.carry_out(plan, deadline);

@@ -6,6 +6,7 @@
 
 #include "core/interrupt.h"
 #include "core/sphere.h"
+#include "core/stopwatch.h"
 #include "relight/magnitude.h"
 
 namespace lightstage::relight {
@@ -13,10 +14,10 @@ namespace lightstage::relight {
 namespace {
 
 using core::Vec3;
-using Timer = std::chrono::steady_clock;
+using Clock = std::chrono::steady_clock;
 
 bool late(const PlanExecution::Deadline& deadline) {
-  return deadline && Timer::now() >= *deadline;
+  return deadline && Clock::now() >= *deadline;
 }
 
 model::PictureSum empty_sum(const core::OlatScan& scan) {
@@ -57,10 +58,10 @@ core::Image PlanExecution::picture(const core::Direction& direction) {
   const std::array<double, 3> key{direction.x(), direction.y(), direction.z()};
   if (const auto found = kept_.find(key); found != kept_.end()) return found->second;
   core::throw_if_interrupted();
-  const Timer::time_point start = Timer::now();
+  const core::Stopwatch stopwatch;
   core::Image image = method_.render(direction);
   if (image.channels() != 3) image = core::to_rgb(image);
-  last_seconds_ = std::chrono::duration<double>(Timer::now() - start).count();
+  last_seconds_ = stopwatch.seconds();
   seconds_ += last_seconds_;
   ++rendered_;
   constexpr std::size_t kMostBytes = std::size_t(1) << 29;

@@ -1,6 +1,5 @@
 #include "relight/relight.h"
 
-#include <chrono>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -8,17 +7,12 @@
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/sphere.h"
+#include "core/stopwatch.h"
 #include "model/picture_sum.h"
 
 namespace lightstage::relight {
 
 namespace {
-
-using Timer = std::chrono::steady_clock;
-
-double seconds_since(Timer::time_point start) {
-  return std::chrono::duration<double>(Timer::now() - start).count();
-}
 
 void require_light(core::Vec3 irradiance) {
   for (const double v : {irradiance.x, irradiance.y, irradiance.z})
@@ -29,15 +23,15 @@ void require_light(core::Vec3 irradiance) {
 }  // namespace
 
 RelightReport relight_lights(const model::LightInterpolator& interpolator, std::span<const DistantLight> lights) {
-  const Timer::time_point start = Timer::now();
+  const core::Stopwatch stopwatch;
   for (const DistantLight& light : lights) require_light(light.irradiance);
-  const core::ImageSize size = interpolator.scan().image_size();
-  model::PictureSum sum({size.height, size.width, 3});
   RelightReport report;
   const std::vector<core::Vec3> colours = interpolator.captured_colours(lights);
   if (!colours.empty()) {
-    sum.add(interpolator.scan(), colours);
+    report.image = interpolator.lit_by(colours);
   } else {
+    const core::ImageSize size = interpolator.scan().image_size();
+    model::PictureSum sum({size.height, size.width, 3});
     std::vector<core::Direction> directions;
     for (const DistantLight& light : lights) directions.push_back(light.direction);
     for (const std::size_t i : core::neighbouring_order(directions)) {  // neighbours share captured images
@@ -48,9 +42,9 @@ RelightReport relight_lights(const model::LightInterpolator& interpolator, std::
       sum.add(picture.channels() == 3 ? picture : core::to_rgb(picture), light.irradiance);
       ++report.directions_synthesised;
     }
+    report.image = sum.result();
   }
-  report.image = sum.result();
-  report.seconds = seconds_since(start);
+  report.seconds = stopwatch.seconds();
   return report;
 }
 
@@ -62,7 +56,7 @@ RelightReport relight_direction(const model::LightInterpolator& interpolator, co
 
 RelightReport relight_area_lights(const model::LightInterpolator& interpolator, std::span<const AreaLight> lights,
                                   std::optional<int> samples) {
-  const Timer::time_point start = Timer::now();
+  const core::Stopwatch stopwatch;
   std::vector<DistantLight> parts;
   for (const AreaLight& light : lights) {
     if (light.radius_degrees == 0) {
@@ -74,7 +68,7 @@ RelightReport relight_area_lights(const model::LightInterpolator& interpolator, 
       parts.push_back({d, light.irradiance / double(count)});
   }
   RelightReport report = relight_lights(interpolator, parts);
-  report.seconds = seconds_since(start);
+  report.seconds = stopwatch.seconds();
   return report;
 }
 

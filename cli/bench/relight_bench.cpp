@@ -1,7 +1,6 @@
 #include "cli/bench/relight_bench.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <numbers>
 
@@ -10,6 +9,7 @@
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "core/sphere.h"
+#include "core/stopwatch.h"
 #include "model/evaluation.h"
 #include "model/methods.h"
 #include "model/metrics.h"
@@ -29,11 +29,6 @@ using core::Direction;
 using core::Image;
 using core::Vec3;
 using relight::Environment;
-using Timer = std::chrono::steady_clock;
-
-double seconds_since(Timer::time_point start) {
-  return std::chrono::duration<double>(Timer::now() - start).count();
-}
 
 Image even(int height, float value) {
   Image map(height, 2 * height, 3);
@@ -144,10 +139,10 @@ Exhaustive exhaustive_pictures(const model::LightInterpolator& method, const std
   for (const std::size_t i : core::neighbouring_order(directions)) {
     core::throw_if_interrupted();
     const int y = int(i) / maps.front().width(), x = int(i) % maps.front().width();
-    Timer::time_point start = Timer::now();
+    const core::Stopwatch rendering;
     const Image picture = method.render(directions[i]);
-    result.seconds_per_picture += seconds_since(start) / double(directions.size());
-    start = Timer::now();
+    result.seconds_per_picture += rendering.seconds() / double(directions.size());
+    const core::Stopwatch summing;
     for (std::size_t m = 0; m < maps.size(); ++m) {
       const float* radiance = maps[m].radiance().pixel(y, x);
       const Vec3 colour = (maps[m].solid_angle(y) / std::numbers::pi) * Vec3{radiance[0], radiance[1], radiance[2]};
@@ -155,7 +150,7 @@ Exhaustive exhaustive_pictures(const model::LightInterpolator& method, const std
       sums[m].add(picture.channels() == 3 ? picture : core::to_rgb(picture), colour);
       ++summed;
     }
-    result.seconds_per_sum += seconds_since(start);
+    result.seconds_per_sum += summing.seconds();
     progress.advance();
   }
   result.seconds_per_sum /= double(std::max<std::size_t>(1, summed));

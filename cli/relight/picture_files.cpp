@@ -48,13 +48,13 @@ std::filesystem::path PicturePlace::file(const Sequence& sequence, int frame) co
   return out_ / (name + ".exr");
 }
 
-PictureFiles::PictureFiles(db::Store& store, const db::Scan& scan, const db::LoadedScan& source,
+PictureFiles::PictureFiles(db::Store& store, const db::Scan& scan, std::vector<db::Id> input_products,
                            const std::filesystem::path& folder)
     : store_(store) {
   product_.kind = "picture";
   product_.scan_id = scan.id;
   product_.input_scans = {scan.id};
-  product_.input_products = source.products();
+  product_.input_products = std::move(input_products);
   const std::string below = name_on_record(folder / "");
   for (const db::Product& product : store.products("picture")) {
     if (product.scan_id != scan.id) continue;

@@ -5,12 +5,12 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "cli/relight/light_options.h"
 #include "core/image.h"
-#include "db/scan_loader.h"
 #include "db/store.h"
 #include "relight/picture.h"
 
@@ -38,8 +38,8 @@ class PicturePlace {
 // alignment, mask, program version and recipe are: a recipe is the JSON of all else that decides how a picture looks.
 class PictureFiles {
  public:
-  // `store` must outlive this.
-  PictureFiles(db::Store& store, const db::Scan& scan, const db::LoadedScan& source,
+  // `input_products`: what the pictures are made from. `store` must outlive this.
+  PictureFiles(db::Store& store, const db::Scan& scan, std::vector<db::Id> input_products,
                const std::filesystem::path& folder);
 
   // The stops of the PNG, where this very file (by its hash, and with its PNG) is on record as made by this recipe; nothing

@@ -20,16 +20,14 @@ void add(ordered_json& all, const std::vector<relight::AreaLight>& lights) {
 
 }  // namespace
 
-Recipe::Recipe(relight::LightRig rig, const MethodChoice& choice, const FrameOptions& options,
+Recipe::Recipe(relight::LightRig rig, const PictureMethod& method, const FrameOptions& options,
                std::optional<double> exposure_stops)
     : rig_(std::move(rig)) {
-  const std::filesystem::path& model = choice.options.model_file;
   common_ = {{"samples", or_null(options.samples)},
-             {"method", choice.method},
-             {"knobs", knob_values(choice)},
-             {"model_hash", model.empty() ? "" : db::hash_file(model).hex()},
              {"exposure", exposure_stops ? ordered_json(*exposure_stops) : ordered_json("auto")}};
-  origin_ = {{"environment", rig_.environment ? rig_.environment->file.string() : ""}, {"model", model.string()}};
+  common_.update(method.json());
+  origin_ = {{"environment", rig_.environment ? rig_.environment->file.string() : ""},
+             {"model", method.model_file().string()}};
   if (rig_.environment) {
     environment_hash_ = db::hash_file(rig_.environment->file).hex();
     common_["carried"] = options.environment.json();

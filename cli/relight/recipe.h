@@ -5,8 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
-#include "cli/jobs/method_options.h"
 #include "cli/relight/frame_pictures.h"
+#include "cli/relight/picture_method.h"
 #include "relight/light_rig.h"
 
 namespace lightstage::cli {
@@ -14,7 +14,7 @@ namespace lightstage::cli {
 class Recipe {
  public:
   // Hashes the files of environment and model. `exposure_stops` as asked for; nothing: by the first frame.
-  Recipe(relight::LightRig rig, const MethodChoice& choice, const FrameOptions& options,
+  Recipe(relight::LightRig rig, const PictureMethod& method, const FrameOptions& options,
          std::optional<double> exposure_stops);
 
   nlohmann::ordered_json of_frame(int frame) const;

@@ -89,10 +89,11 @@ class Verification {
         if (present.size() == scan.steps.size()) continue;
         const auto first = std::find_if(scan.steps.begin(), scan.steps.end(),
                                         [&](const Step& step) { return !present.contains(step.step_index); });
-        const std::string remedy =
-            scan.kind == ScanKind::kImported || scan.kind == ScanKind::kVirtual
-                ? ""
-                : "; an interrupted pass goes on with `lightstage capture --resume --name " + scan.name + "`";
+        std::string remedy =
+            "; an interrupted pass goes on with `lightstage capture --resume --name " + scan.name + "`";
+        if (scan.kind == ScanKind::kImported) remedy.clear();
+        if (scan.kind == ScanKind::kVirtual)
+          remedy = "; the `lightstage superres` command that began it goes on with it";
         report_.errors.push_back(step_text(scan, *first, camera) + ": the frame is missing, the first of " +
                                  std::to_string(scan.steps.size() - present.size()) + " that are" + remedy);
       }
@@ -100,7 +101,8 @@ class Verification {
   }
 
   void collect_lit_frames(const Scan& scan) {
-    if (scan.kind != ScanKind::kOlat && scan.kind != ScanKind::kImported && scan.kind != ScanKind::kVirtual) return;
+    // Virtual scans are computed light by light: nothing can be swapped, and a method may well make several pictures alike.
+    if (scan.kind != ScanKind::kOlat && scan.kind != ScanKind::kImported) return;
     const auto calibration = store_.newest_calibration(scan.stage_key);
     if (!calibration) return;
     std::map<int, core::Light> lights;

@@ -10,6 +10,7 @@
 #include "core/vec3.h"
 #include "model/classical/distinct_lights.h"
 #include "model/classical/sphere_triangulation.h"
+#include "model/interpolator.h"
 
 namespace lightstage::model {
 
@@ -34,11 +35,25 @@ class BarycentricWeights {
   // One weight a light. O(n): 4 us for 331.
   std::vector<double> operator()(const core::Direction& query) const;
 
+  // Of many queries, their weights times their irradiances, one sum a light. Each query's triangle is searched from that of the one before, across
+  // the edges beyond which the query lies: some steps where lights come in the order of a map's pixels, O(sqrt(n)) anywhere. The same for every
+  // thread count; to rounding the sum over operator().
+  std::vector<core::Vec3> sum(std::span<const DistantLight> queries) const;
+
  private:
   struct Triangle {
     std::array<std::size_t, 3> corners;       // of the triangulation's points
     std::array<core::Vec3, 3> coordinate_of;  // w_i before they are divided by their sum: dot(coordinate_of[i], q)
+    std::array<std::size_t, 3> beyond{};      // the triangle on the other side of the edge opposite corner i
   };
+  struct Place {
+    std::size_t triangle = 0;
+    std::array<double, 3> weights{};  // of its corners
+  };
+  // The triangle in which the smallest coordinate is largest: rounding can leave a query on an edge outside both triangles, never without one.
+  Place place_of(core::Vec3 query) const;
+  Place place_near(std::size_t triangle, core::Vec3 query) const;
+  void link_triangles();
   void fill_holes(SphereTriangulation& triangulation) const;
   void solve_holes(const SphereTriangulation& triangulation);
 

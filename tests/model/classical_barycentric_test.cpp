@@ -4,6 +4,7 @@
 #include <numbers>
 #include <set>
 
+#include "core/parallel.h"
 #include "core/sphere.h"
 #include "model/classical.h"
 #include "model/classical/sphere_triangulation.h"
@@ -295,6 +296,43 @@ TEST_CASE("barycentric weights turn with the stage") {
   const std::vector<Direction> queries = core::random_directions(50, 9), turned_queries = turned(queries);
   for (std::size_t q = 0; q < queries.size(); ++q)
     CHECK(distance(a->linear_weights(queries[q]), b->linear_weights(turned_queries[q])) < 1e-8);
+}
+
+TEST_CASE("many barycentric queries at once are the sum over each, on every number of threads") {
+  std::vector<Direction> with_twin = core::random_directions(50, 3);
+  with_twin.push_back(with_twin[7]);
+  for (const auto& lights : {dome(0, 7, 16, true), with_twin, ring(9, 20), std::vector<Direction>(2)}) {
+    const auto method = barycentric_over(lights);
+    // Far from each other, in rows as a map's pixels, and on the lights, on edges and at their antipodes.
+    std::vector<Direction> queries = core::random_directions(300, 4);
+    for (int i = 0; i < 400; ++i)
+      queries.push_back(Direction::from_longitude_latitude_degrees(i, 20.0 * (i / 100) - 40));
+    for (const Direction& light : lights) {
+      queries.push_back(light);
+      queries.push_back(Direction::from_vector(-1.0 * light.vec()));
+      queries.push_back(Direction::from_vector(light.vec() + 0.7 * lights.front().vec()));
+    }
+    std::vector<model::DistantLight> shining;
+    std::vector<Vec3> plain(lights.size());
+    for (const Direction& query : queries) {
+      shining.push_back({query, {1, double(shining.size() % 5), 1e6}});
+      const std::vector<double> weights = method->linear_weights(query);
+      for (std::size_t i = 0; i < plain.size(); ++i) plain[i] = plain[i] + weights[i] * shining.back().irradiance;
+    }
+    const std::vector<Vec3> fast = method->captured_colours(shining);
+    REQUIRE(fast.size() == lights.size());
+    for (std::size_t i = 0; i < plain.size(); ++i) {
+      CHECK(fast[i].x == Approx(plain[i].x).margin(1e-9));
+      CHECK(fast[i].y == Approx(plain[i].y).margin(1e-9));
+      CHECK(fast[i].z == Approx(plain[i].z).margin(1e-3));
+    }
+    for (const int threads : {1, 3}) {
+      core::set_thread_count(threads);
+      CHECK(method->captured_colours(shining) == fast);
+    }
+    core::set_thread_count(0);
+    for (const Vec3 colour : method->captured_colours({})) CHECK(colour == Vec3{});
+  }
 }
 
 }  // namespace lightstage

@@ -1,0 +1,99 @@
+#include "cli/relight/explain.h"
+
+#include "cli/format.h"
+#include "cli/jobs/environments.h"
+#include "cli/jobs/scans.h"
+#include "cli/options.h"
+#include "cli/relight/picture_method.h"
+#include "core/error.h"
+#include "core/sphere.h"
+#include "core/stopwatch.h"
+#include "core/text.h"
+#include "model/peak_memory.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+constexpr std::size_t kLightsNamed = 8;  // nearest to each that is synthesised
+
+// The first picture also loads what the others share, the second shows what one takes.
+double expected_synthesis_seconds(const relight::Plan& plan, const model::LightInterpolator& interpolator) {
+  if (plan.pictures() == 0) return 0;
+  const core::Direction direction =
+      (plan.synthesised.empty() ? plan.remainder.front() : plan.synthesised.front()).direction;
+  const core::Stopwatch first;
+  interpolator.render(direction);
+  const double once_prepared = first.seconds();
+  const core::Stopwatch second;
+  interpolator.render(direction);
+  return once_prepared + double(plan.pictures() - 1) * second.seconds();
+}
+
+std::string summary_text(const relight::Plan& plan, const std::string& file, std::size_t captured,
+                         const std::string& method, double seconds) {
+  std::string text = file + ": " + std::to_string(captured) + " captured pictures, and " +
+                     std::to_string(plan.synthesised.size()) + " synthesised by " + method;
+  if (!plan.remainder.empty()) text += " and " + std::to_string(plan.remainder.size()) + " as samples of the rest";
+  return text + "; about " + fixed(seconds, 1) + " s; expected: DSSIM " +
+         core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) + ", relative RMS " +
+         core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
+}
+
+// Adds to `json` by which captured lights each synthesised one stands, and returns the same as a table.
+std::string name_neighbours(const relight::Plan& plan, const std::vector<core::Direction>& captured,
+                            ordered_json& json) {
+  std::vector<std::vector<std::string>> rows{{"longitude, latitude", "irradiance", "nearest captured lights"}};
+  for (std::size_t i = 0; i < plan.synthesised.size(); ++i) {
+    const relight::DistantLight& light = plan.synthesised[i];
+    const std::vector<std::size_t> nearest = core::nearest_indices(captured, light.direction, kLightsNamed);
+    json["lights"][i]["nearest_captured"] = nearest;
+    std::string names;
+    for (const std::size_t index : nearest) names += (names.empty() ? "" : " ") + std::to_string(index);
+    const core::Vec3 rgb = light.irradiance;
+    rows.push_back({fixed(light.direction.longitude_degrees(), 1) + ", " + fixed(light.direction.latitude_degrees(), 1),
+                    core::number_text(rgb.x, 3) + " " + core::number_text(rgb.y, 3) + " " + core::number_text(rgb.z, 3),
+                    names});
+  }
+  return rows.size() > 1 ? table(rows) : "";
+}
+
+}  // namespace
+
+void explain(const std::vector<Sequence>& all, const EnvironmentOptions& asked, const MethodChoice& choice,
+             const std::string& scan, Context& context) {
+  const relight::Goal goal = asked.goal();
+  const auto* error = std::get_if<relight::ErrorGoal>(&goal);
+  if (!error) throw core::UsageError("--explain tells the plan for an error: give --error, or --quality draft or good");
+  const db::Store store = context.open_store();
+  const PictureMethod method(choice, store, store.scan(scan), /*linear_light=*/true);
+  const db::LoadedScan source = load_scan(store, scan);
+  const model::PeakMemory memory;
+  const auto interpolator = method.interpolator(store, source);
+  const relight::EnvironmentRelighter relighter(*interpolator);
+  std::string text;
+  ordered_json plans = ordered_json::array();
+  for (const Sequence& sequence : all) {
+    const relight::RigFrame frame = sequence.rig.frame(0);
+    if (!frame.environment) continue;
+    const std::string file = frame.environment->file.string();
+    const relight::Environment map = asked.resized(read_environment(file)).rotated(frame.environment->rotate_degrees);
+    const core::Stopwatch planning;
+    const relight::Plan plan = relighter.plan(map, *error);
+    const double seconds = planning.seconds() + expected_synthesis_seconds(plan, *interpolator);
+    ordered_json json{{"environment", file}, {"method", method.name()}};
+    json.update(plan_json(plan));
+    json["directions_synthesised"] = plan.pictures();
+    json["expected_seconds"] = seconds;
+    json["expected_error"] = plan.expected_error(error->measure);
+    json["peak_rss_bytes"] = or_null(memory.bytes());
+    text += summary_text(plan, file, source.scan.light_count(), method.name(), seconds) +
+            name_neighbours(plan, source.scan.directions(), json);
+    plans.push_back(std::move(json));
+  }
+  context.result(text, {{"scan", scan}, {"plans", plans}});
+}
+
+}  // namespace lightstage::cli
