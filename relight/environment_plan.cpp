@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "core/parallel.h"
 #include "core/sphere.h"
@@ -24,8 +23,9 @@ constexpr double kPatchesPerSpacing = 8;
 constexpr double kFinestPatch = 0.012;  // radians, 0.7 degrees
 
 // Errors of synthesised pictures stand at the edges of shadows and highlights, where the same square makes a larger DSSIM than in the differences of
-// captured ones; and there are places where light comes from that are worse than their neighbours tell.
-constexpr double kOfShadows = 1.5, kCaution = 1.4;
+// captured ones; and there are places where light comes from that are worse than their neighbours tell, most of all where there are no lights: at these
+// values what was expected of the hole below simulated stages was what came out, within a fifth.
+constexpr double kOfShadows = 1.5, kCaution = 1.4, kCautionInHoles = 1.8;
 
 core::Image picture_of(const core::OlatScan& scan, std::span<const Vec3> colours) {
   model::PictureSum sum({scan.image_size().height, scan.image_size().width, 3});
@@ -112,10 +112,10 @@ double masked_rms(const core::Image& image, const core::Image& mask) {
 
 double Plan::expected_error(ErrorMeasure measure) const {
   if (!(picture_rms > 0)) return 0;
-  if (measure == ErrorMeasure::kRelativeRms) return std::sqrt(variance_left + smooth_variance) / picture_rms;
+  if (measure == ErrorMeasure::kRelativeRms) return std::sqrt(variance_left.total() + smooth_variance) / picture_rms;
   constexpr double kWorst = 0.5;  // of pictures that have nothing in common
-  return std::min(kWorst,
-                  (variance_left * dssim_per_square + smooth_variance * smooth_dssim_per_square) / square(picture_rms));
+  return std::min(kWorst, (variance_left.weighed(dssim_per_square) + smooth_variance * smooth_dssim_per_square) /
+                              square(picture_rms));
 }
 
 EnvironmentPlanner::EnvironmentPlanner(const CapturedKnowledge& captured, const core::OlatScan& scan,
@@ -137,8 +137,12 @@ EnvironmentPlanner::EnvironmentPlanner(const CapturedKnowledge& captured, const 
   if (!(nothing_.picture_rms > 0)) return;
   nothing_.smooth_variance = expected_smooth_variance();
   const core::Image picture = picture_of(scan_, colours_);
-  nothing_.dssim_per_square = kOfShadows * dssim_per_square(picture, difference_of_doubts(), scan_.mask());
-  nothing_.smooth_dssim_per_square = dssim_per_square(picture, difference_of_smooth_light(), scan_.mask());
+  const auto per_square = [&](const core::Image& difference) {
+    return dssim_per_square(picture, difference, scan_.mask());
+  };
+  nothing_.dssim_per_square =
+      kOfShadows * ByPlace{per_square(difference_between_lights()), per_square(difference_in_holes())};
+  nothing_.smooth_dssim_per_square = per_square(difference_of_smooth_light());
 }
 
 Plan EnvironmentPlanner::within(const ErrorGoal& goal, double error_scale) const {
@@ -146,13 +150,13 @@ Plan EnvironmentPlanner::within(const ErrorGoal& goal, double error_scale) const
   if (!(plan.picture_rms > 0)) return plan;
   const bool dssim = goal.measure == ErrorMeasure::kDssim;
   const double allowed = (dssim ? goal.error : square(goal.error)) * square(plan.picture_rms);
-  const double weight = (dssim ? plan.dssim_per_square : 1) * square(error_scale);
+  const ByPlace weights = square(error_scale) * (dssim ? plan.dssim_per_square : kAlike);
   const double smooth_weight = dssim ? plan.smooth_dssim_per_square : 1;
   const double of_smooth = plan.smooth_variance * smooth_weight;
   // Sampling takes pictures too: only where the smooth part alone would nearly spoil the goal does it pay.
   const bool sampled = of_smooth > 0.8 * allowed;
   const double left = sampled ? 0.5 * allowed : allowed - of_smooth;
-  const Cut cut = clusters_.within(weight > 0 ? left / weight : std::numeric_limits<double>::infinity());
+  const Cut cut = clusters_.within(left, weights);
   use(plan, cut);
   if (sampled) {
     const double samples = std::ceil(noise_of_one_sample(cut) * smooth_weight / (0.5 * allowed));
@@ -164,7 +168,7 @@ Plan EnvironmentPlanner::within(const ErrorGoal& goal, double error_scale) const
 Plan EnvironmentPlanner::at_most(std::size_t pictures) const {
   Plan plan = nothing_;
   if (!(plan.picture_rms > 0)) return plan;
-  const Cut cut = clusters_.at_most(pictures);
+  const Cut cut = clusters_.at_most(pictures, plan.dssim_per_square);
   use(plan, cut);
   const std::size_t left = pictures - plan.synthesised.size();
   if (double(left) * plan.smooth_variance > 2 * noise_of_one_sample(cut)) sample(plan, cut, left);
@@ -175,8 +179,10 @@ std::vector<DoubtfulLight> EnvironmentPlanner::doubtful_light() const {
   std::vector<DoubtfulLight> lights(patches_.size());
   for (std::size_t p = 0; p < patches_.size(); ++p) {
     const DistantLight& light = patches_[p].light;
-    lights[p] = {light.direction, light.irradiance - smooth_[p], kCaution * captured_.differences.expected(nearest_[p]),
-                 captured_.differences.between_lights(nearest_[p])};
+    const bool between_lights = captured_.differences.between_lights(nearest_[p]);
+    const double caution = between_lights ? kCaution : kCautionInHoles;
+    lights[p] = {light.direction, light.irradiance - smooth_[p], caution * captured_.differences.expected(nearest_[p]),
+                 between_lights};
   }
   return lights;
 }
@@ -208,18 +214,33 @@ double EnvironmentPlanner::expected_smooth_variance() const {
   return square(kOfNetworks) * std::max(0.0, square(root_mean_square(sum)) - noise);
 }
 
-// What pictures look like in which all that is doubtful is wrong: of every piece, the difference of the nearest light, with one sign or the other.
-core::Image EnvironmentPlanner::difference_of_doubts() const {
+// What pictures look like in which all that is doubtful about light between the captured lights is wrong: of every piece, the difference of the nearest light, with
+// one sign or the other.
+core::Image EnvironmentPlanner::difference_between_lights() const {
   std::vector<Vec3> colours(scan_.light_count());
   double sign = 1;
   for (const LightClusters::Doubt& doubt : clusters_.doubts()) {
     const std::size_t light = captured_.differences.nearest(doubt.direction).index;
     const double of_light = captured_.differences.of_light(light);
     if (!(of_light > 0)) continue;
-    const double amount = sign * std::sqrt(doubt.variance) / of_light;
+    const double amount = sign * std::sqrt(doubt.variance.between_lights) / of_light;
     captured_.differences.add_difference(light, {amount, amount, amount}, colours);
     sign = -sign;
   }
+  return picture_of(scan_, colours);
+}
+
+// The same of light in holes, where two ways to go on past the outermost lights differ as widely and as evenly as either does from a network's.
+core::Image EnvironmentPlanner::difference_in_holes() const {
+  std::vector<DistantLight> lights;
+  std::vector<Vec3> nearest(scan_.light_count());
+  for (std::size_t p = 0; p < patches_.size(); ++p) {
+    if (doubtful_[p].between_lights || doubtful_[p].irradiance == Vec3{}) continue;
+    lights.push_back({patches_[p].light.direction, doubtful_[p].irradiance});
+    nearest[nearest_[p].index] = nearest[nearest_[p].index] + doubtful_[p].irradiance;
+  }
+  std::vector<Vec3> colours = captured_.interpolation->captured_colours(lights);
+  for (std::size_t i = 0; i < colours.size(); ++i) colours[i] = colours[i] - nearest[i];
   return picture_of(scan_, colours);
 }
 

@@ -24,14 +24,16 @@ struct ErrorGoal {
 
 struct Plan {
   std::vector<DistantLight> synthesised;  // those that save most come first
-  std::vector<double> saved;              // variance, by synthesised light
+  std::vector<ByPlace> saved;             // variance, by synthesised light
   std::vector<DistantLight> remainder;    // synthesised too: drawn at random, each with the light that it stands for
 
   // Squares of the root mean square error that is expected to stay, in linear radiance: of light that is left out or represented, and of the smooth part.
-  double variance_left = 0, smooth_variance = 0;
+  ByPlace variance_left;
+  double smooth_variance = 0;
   double picture_rms = 0;  // of the picture without synthesis; 0 where it is black, and nothing needs to be done
   // DSSIM over the square of the relative error, for small errors of either kind.
-  double dssim_per_square = 0, smooth_dssim_per_square = 0;
+  ByPlace dssim_per_square;
+  double smooth_dssim_per_square = 0;
 
   std::size_t pictures() const { return synthesised.size() + remainder.size(); }
   double expected_error(ErrorMeasure measure) const;
@@ -39,7 +41,7 @@ struct Plan {
 
 class EnvironmentPlanner {
  public:
-  // Costs three weighted sums of the captured pictures and about a microsecond a patch and captured light; patches are as wide as an eighth of the lights'
+  // Costs four weighted sums of the captured pictures and about a microsecond a patch and captured light; patches are as wide as an eighth of the lights'
   // spacing, so some 30,000 on a stage of 300 lights, however large the map is.
   EnvironmentPlanner(const CapturedKnowledge& captured, const core::OlatScan& scan, const Environment& environment);
 
@@ -54,7 +56,8 @@ class EnvironmentPlanner {
  private:
   std::vector<DoubtfulLight> doubtful_light() const;
   double expected_smooth_variance() const;
-  core::Image difference_of_doubts() const;
+  core::Image difference_between_lights() const;
+  core::Image difference_in_holes() const;
   core::Image difference_of_smooth_light() const;
   core::Vec3 remainder(const Cut& cut, std::size_t patch) const;
   std::vector<double> importance(const Cut& cut) const;

@@ -65,7 +65,23 @@ struct Extent {
   bool mostly_in_holes = false;
 };
 
+ByPlace at(bool in_hole, double variance) {
+  return in_hole ? ByPlace{0, variance} : ByPlace{variance, 0};
+}
+
 }  // namespace
+
+ByPlace operator+(const ByPlace& a, const ByPlace& b) {
+  return {a.between_lights + b.between_lights, a.in_holes + b.in_holes};
+}
+
+ByPlace operator-(const ByPlace& a, const ByPlace& b) {
+  return {a.between_lights - b.between_lights, a.in_holes - b.in_holes};
+}
+
+ByPlace operator*(double factor, const ByPlace& a) {
+  return {factor * a.between_lights, factor * a.in_holes};
+}
 
 LightClusters::LightClusters(std::span<const DoubtfulLight> lights, double spacing)
     : correlation_length_(spacing), order_(lights.size()) {
@@ -76,7 +92,7 @@ LightClusters::LightClusters(std::span<const DoubtfulLight> lights, double spaci
 }
 
 std::size_t LightClusters::build(std::size_t first, std::size_t last, std::span<const DoubtfulLight> lights,
-                                 std::optional<double> piece) {
+                                 std::optional<ByPlace> piece) {
   const std::size_t index = clusters_.size();
   clusters_.emplace_back();
   const std::span<std::size_t> order = std::span(order_).subspan(first, last - first);
@@ -90,13 +106,14 @@ std::size_t LightClusters::build(std::size_t first, std::size_t last, std::span<
   cluster.centre = extent.centre;
   cluster.irradiance = extent.irradiance;
   cluster.is_piece = !piece && (is_leaf || is_narrow);
-  cluster.represented = square(extent.doubted * std::min(1.0, 2 * extent.spread / correlation_length_));
+  const double shift = std::min(1.0, 2 * extent.spread / correlation_length_);
+  cluster.represented = at(extent.mostly_in_holes, square(extent.doubted * shift));
   if (cluster.is_piece) {
     const double error = extent.amount > 0 ? extent.doubted / extent.amount : 0;
-    cluster.left_out = square(magnitude(extent.irradiance) * error);
-    piece = extent.doubted > 0 ? cluster.left_out / extent.doubted : 0;
+    cluster.left_out = at(extent.mostly_in_holes, square(magnitude(extent.irradiance) * error));
+    piece = extent.doubted > 0 ? 1 / extent.doubted * cluster.left_out : ByPlace();
   } else if (piece) {
-    cluster.left_out = *piece * extent.doubted;
+    cluster.left_out = extent.doubted * *piece;
   }
   if (!is_leaf) {
     const std::size_t middle = first + order.size() / 2;
@@ -114,12 +131,13 @@ std::size_t LightClusters::build(std::size_t first, std::size_t last, std::span<
   return index;
 }
 
-std::vector<LightClusters::Choice> LightClusters::choices(double price) const {
+std::vector<LightClusters::Choice> LightClusters::choices(double price, const ByPlace& weights) const {
   std::vector<Choice> best(clusters_.size());
   for (std::size_t i = clusters_.size(); i-- > 0;) {
     const Cluster& cluster = clusters_[i];
-    best[i] = {cluster.left_out, kLeftOut};
-    if (cluster.represented + price < best[i].cost) best[i] = {cluster.represented + price, kRepresented};
+    best[i] = {cluster.left_out.weighed(weights), kLeftOut};
+    const double represented = cluster.represented.weighed(weights) + price;
+    if (represented < best[i].cost) best[i] = {represented, kRepresented};
     if (cluster.left == 0) continue;
     const double divided = best[cluster.left].cost + best[cluster.right].cost;
     if (divided < best[i].cost) best[i] = {divided, kDivided};
@@ -136,31 +154,33 @@ void LightClusters::collect(std::size_t index, const std::vector<Choice>& choice
       break;
     case kRepresented:
       cut.representatives.push_back({cluster.centre, cluster.irradiance, cluster.left_out - cluster.represented});
-      cut.variance += cluster.represented;
+      cut.variance = cut.variance + cluster.represented;
       for (std::size_t i = cluster.first; i < cluster.last; ++i) cut.represented[order_[i]] = true;
       break;
     default:
-      cut.variance += cluster.left_out;
+      cut.variance = cut.variance + cluster.left_out;
   }
 }
 
-Cut LightClusters::at_price(double price) const {
+Cut LightClusters::at_price(double price, const ByPlace& weights) const {
   Cut cut;
   cut.represented.resize(order_.size());
-  collect(0, choices(price), cut);
+  collect(0, choices(price, weights), cut);
   std::stable_sort(cut.representatives.begin(), cut.representatives.end(),
-                   [](const Representative& a, const Representative& b) { return a.saved > b.saved; });
+                   [&](const Representative& a, const Representative& b) {
+                     return a.saved.weighed(weights) > b.saved.weighed(weights);
+                   });
   return cut;
 }
 
 // The number of representatives falls, and the variance rises, with the price: bisection of its logarithm.
-Cut LightClusters::at_most(std::size_t representatives) const {
-  Cut found = at_price(std::numeric_limits<double>::infinity());
-  double dear = found.variance, cheap = dear * 1e-18;  // at the dear one nothing pays
+Cut LightClusters::at_most(std::size_t representatives, const ByPlace& weights) const {
+  Cut found = at_price(std::numeric_limits<double>::infinity(), weights);
+  double dear = found.variance.weighed(weights), cheap = dear * 1e-18;  // at the dear one nothing pays
   if (representatives == 0 || !(dear > 0)) return found;
   for (int step = 0; step < 60; ++step) {
     const double price = std::sqrt(dear * cheap);
-    Cut cut = at_price(price);
+    Cut cut = at_price(price, weights);
     if (cut.representatives.size() > representatives) {
       cheap = price;
     } else {
@@ -172,15 +192,15 @@ Cut LightClusters::at_most(std::size_t representatives) const {
   return found;
 }
 
-Cut LightClusters::within(double variance) const {
-  Cut none = at_price(std::numeric_limits<double>::infinity());
-  if (none.variance <= variance) return none;
-  double dear = none.variance, cheap = dear * 1e-18;
-  Cut found = at_price(cheap);
+Cut LightClusters::within(double variance, const ByPlace& weights) const {
+  Cut none = at_price(std::numeric_limits<double>::infinity(), weights);
+  double dear = none.variance.weighed(weights), cheap = dear * 1e-18;
+  if (dear <= variance) return none;
+  Cut found = at_price(cheap, weights);
   for (int step = 0; step < 60; ++step) {
     const double price = std::sqrt(dear * cheap);
-    Cut cut = at_price(price);
-    if (cut.variance > variance) {
+    Cut cut = at_price(price, weights);
+    if (cut.variance.weighed(weights) > variance) {
       dear = price;
     } else {
       cheap = price;
@@ -195,7 +215,7 @@ Cut LightClusters::within(double variance) const {
 std::vector<LightClusters::Doubt> LightClusters::doubts() const {
   std::vector<Doubt> all;
   for (const Cluster& cluster : clusters_) {
-    if (cluster.is_piece && cluster.left_out > 0) all.push_back({cluster.centre, cluster.left_out});
+    if (cluster.is_piece && cluster.left_out.total() > 0) all.push_back({cluster.centre, cluster.left_out});
   }
   return all;
 }

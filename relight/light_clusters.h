@@ -20,17 +20,31 @@ struct DoubtfulLight {
       true;  // false in a hole of the stage, where errors of places far apart are alike and do not cancel
 };
 
+// Squares of root mean square errors, apart by where the light stands that causes them: between lights shadows and highlights are wrong, in holes of the stage
+// whole sides of the subject, and the eye is not hurt alike. Also what either counts, where the two are to be weighed.
+struct ByPlace {
+  double between_lights = 0, in_holes = 0;
+  double total() const { return between_lights + in_holes; }
+  double weighed(const ByPlace& weights) const {
+    return weights.between_lights * between_lights + weights.in_holes * in_holes;
+  }
+};
+ByPlace operator+(const ByPlace& a, const ByPlace& b);
+ByPlace operator-(const ByPlace& a, const ByPlace& b);
+ByPlace operator*(double factor, const ByPlace& a);
+inline constexpr ByPlace kAlike{1, 1};
+
 // A cluster that is carried by one synthesised picture.
 struct Representative {
   core::Direction direction;  // mean over its light
   core::Vec3 irradiance;      // sum of its light
-  double saved = 0;           // by how much it lowers the variance
+  ByPlace saved;              // by how much it lowers the variance
 };
 
 struct Cut {
   std::vector<Representative> representatives;  // those that save most come first
   // Expected square of the root mean square error that stays: of what is left out, and of lights that are not quite where their representative stands.
-  double variance = 0;
+  ByPlace variance;
   std::vector<bool> represented;  // by light; the others are left out
 };
 
@@ -47,17 +61,17 @@ class LightClusters {
   // O(n log n) for n lights, at least one. `spacing` of the captured lights, radians.
   LightClusters(std::span<const DoubtfulLight> lights, double spacing);
 
-  // The best cut at this price of a synthesis, in units of variance; O(n). A price of infinity leaves all out.
-  Cut at_price(double price) const;
+  // The best cut at this price of a synthesis, in units of weighed variance; O(n). A price of infinity leaves all out.
+  Cut at_price(double price, const ByPlace& weights = kAlike) const;
   // Of those with at most so many representatives (a few less where a price skips a number), the best.
-  Cut at_most(std::size_t representatives) const;
-  // The fewest representatives for a variance of at most this; the finest cut where that is not to be had.
-  Cut within(double variance) const;
+  Cut at_most(std::size_t representatives, const ByPlace& weights = kAlike) const;
+  // The fewest representatives for a weighed variance of at most this; the finest cut where that is not to be had.
+  Cut within(double variance, const ByPlace& weights = kAlike) const;
 
   // Lights that stand for what would be wrong were all left out: one for each piece as wide as the correlation length.
   struct Doubt {
     core::Direction direction;
-    double variance = 0;
+    ByPlace variance;
   };
   std::vector<Doubt> doubts() const;
 
@@ -67,8 +81,8 @@ class LightClusters {
     std::size_t first = 0, last = 0;  // its lights, in order_
     core::Direction centre;
     core::Vec3 irradiance;
-    double left_out = 0, represented = 0;  // variances
-    bool is_piece = false;                 // its light is left out as one, its parent's is not
+    ByPlace left_out, represented;  // variances
+    bool is_piece = false;          // its light is left out as one, its parent's is not
   };
   struct Choice {
     double cost = 0;
@@ -76,8 +90,8 @@ class LightClusters {
   };
 
   std::size_t build(std::size_t first, std::size_t last, std::span<const DoubtfulLight> lights,
-                    std::optional<double> piece);
-  std::vector<Choice> choices(double price) const;
+                    std::optional<ByPlace> piece);
+  std::vector<Choice> choices(double price, const ByPlace& weights) const;
   void collect(std::size_t cluster, const std::vector<Choice>& choices, Cut& cut) const;
 
   double correlation_length_;

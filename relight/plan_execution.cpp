@@ -44,10 +44,10 @@ core::Image PlanExecution::carry_out(Plan& plan, const Deadline& deadline) {
   }
   std::size_t done = 0;
   for (; done < order.size() && !late(deadline); ++done) add(plan.synthesised[order[done]], sum, colours);
-  for (std::size_t i = done; i < order.size(); ++i) plan.variance_left += plan.saved[i];
+  for (std::size_t i = done; i < order.size(); ++i) plan.variance_left = plan.variance_left + plan.saved[i];
   plan.synthesised.resize(done);
   plan.saved.resize(done);
-  plan.variance_left *= square(error_scale());
+  plan.variance_left = square(error_scale()) * plan.variance_left;
   if (!plan.remainder.empty()) add_remainder(plan, sum, deadline);
   sum.add(method_.scan(), colours);
   captured_used_ = std::size_t(std::count_if(colours.begin(), colours.end(), [](Vec3 c) { return c != Vec3{}; }));

@@ -95,7 +95,7 @@ TEST_CASE("the smooth part need not be represented: with it left in, the same er
   const Environment map(bright);
   const LightClusters without(doubtful_light(map, true), captured().differences.spacing());
   const LightClusters with(doubtful_light(map, false), captured().differences.spacing());
-  const double allowed = 1e-3 * with.at_most(0).variance;
+  const double allowed = 1e-3 * with.at_most(0).variance.total();
   const std::size_t few = without.within(allowed).representatives.size(),
                     many = with.within(allowed).representatives.size();
   INFO(few << " pictures without it, " << many << " with it");
@@ -108,7 +108,7 @@ TEST_CASE("one picture stands for lights near to each other: patch by patch many
     for (int x = 30; x < 35; ++x) map(y, x, 1) = 40;
   const std::vector<DoubtfulLight> lights = doubtful_light(Environment(map), true);
   const LightClusters clusters(lights, captured().differences.spacing());
-  const double allowed = 5e-2 * clusters.at_most(0).variance;
+  const double allowed = 5e-2 * clusters.at_most(0).variance.total();
   const std::size_t by_cluster = clusters.within(allowed).representatives.size();
   // Patches, the worst first, until the others together are wrong by no more.
   std::vector<double> sizes;
