@@ -145,12 +145,12 @@ EnvironmentPlanner::EnvironmentPlanner(const CapturedKnowledge& captured, const 
   nothing_.smooth_dssim_per_square = per_square(difference_of_smooth_light());
 }
 
-Plan EnvironmentPlanner::within(const ErrorGoal& goal, double error_scale) const {
+Plan EnvironmentPlanner::within(const ErrorGoal& goal, const ByPlace& scale) const {
   Plan plan = nothing_;
   if (!(plan.picture_rms > 0)) return plan;
   const bool dssim = goal.measure == ErrorMeasure::kDssim;
   const double allowed = (dssim ? goal.error : square(goal.error)) * square(plan.picture_rms);
-  const ByPlace weights = square(error_scale) * (dssim ? plan.dssim_per_square : kAlike);
+  const ByPlace weights = scale * (dssim ? plan.dssim_per_square : kAlike);
   const double smooth_weight = dssim ? plan.smooth_dssim_per_square : 1;
   const double of_smooth = plan.smooth_variance * smooth_weight;
   // Sampling takes pictures too: only where the smooth part alone would nearly spoil the goal does it pay.

@@ -45,8 +45,8 @@ class EnvironmentPlanner {
   // spacing, so some 30,000 on a stage of 300 lights, however large the map is.
   EnvironmentPlanner(const CapturedKnowledge& captured, const core::OlatScan& scan, const Environment& environment);
 
-  // The fewest pictures with which the error is expected to be kept, if errors are `error_scale` times as large as the captured pictures let expect.
-  Plan within(const ErrorGoal& goal, double error_scale = 1) const;
+  // The fewest pictures with which the error is expected to be kept, if variances are `scale` times as large as the captured pictures let expect.
+  Plan within(const ErrorGoal& goal, const ByPlace& scale = kAlike) const;
   // The best with at most so many pictures.
   Plan at_most(std::size_t pictures) const;
 

@@ -110,10 +110,10 @@ EnvironmentReport EnvironmentRelighter::within(const Environment& environment, c
   PlanExecution execution(*captured_, method_, planner.captured_colours());
   const std::size_t all = lit_pixels(environment);
   constexpr int kRounds = 3;  // one is mostly enough; a round more where errors turn out to be larger than expected
-  double error_scale = 1;
+  ByPlace scale = kAlike;
   EnvironmentReport report;
   for (int round = 0; round < kRounds; ++round) {
-    Plan plan = planner.within(goal, error_scale);
+    Plan plan = planner.within(goal, scale);
     if (plan.pictures() > 0 && plan.pictures() >= all) {
       report = exhaustive(method_, environment);
       break;
@@ -121,8 +121,9 @@ EnvironmentReport EnvironmentRelighter::within(const Environment& environment, c
     core::Image image = execution.carry_out(plan);
     report = report_of(std::move(image), std::move(plan), execution);
     const bool met = report.plan.expected_error(goal.measure) <= goal.error;
-    if (met || execution.error_scale() <= error_scale) break;
-    error_scale = execution.error_scale();
+    const ByPlace seen = execution.variance_scale();
+    if (met || (seen.between_lights <= scale.between_lights && seen.in_holes <= scale.in_holes)) break;
+    scale = seen;
   }
   report.seconds_planning = seconds_planning;
   return report;

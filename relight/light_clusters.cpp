@@ -79,6 +79,10 @@ ByPlace operator-(const ByPlace& a, const ByPlace& b) {
   return {a.between_lights - b.between_lights, a.in_holes - b.in_holes};
 }
 
+ByPlace operator*(const ByPlace& a, const ByPlace& b) {
+  return {a.between_lights * b.between_lights, a.in_holes * b.in_holes};
+}
+
 ByPlace operator*(double factor, const ByPlace& a) {
   return {factor * a.between_lights, factor * a.in_holes};
 }

@@ -32,6 +32,7 @@ struct ByPlace {
 ByPlace operator+(const ByPlace& a, const ByPlace& b);
 ByPlace operator-(const ByPlace& a, const ByPlace& b);
 ByPlace operator*(double factor, const ByPlace& a);
+ByPlace operator*(const ByPlace& a, const ByPlace& b);  // place by place
 inline constexpr ByPlace kAlike{1, 1};
 
 // A cluster that is carried by one synthesised picture.

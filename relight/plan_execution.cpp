@@ -31,8 +31,7 @@ PlanExecution::PlanExecution(const CapturedKnowledge& captured, const model::Lig
     : captured_(captured), method_(method), colours_(captured_colours.begin(), captured_colours.end()) {}
 
 core::Image PlanExecution::carry_out(Plan& plan, const Deadline& deadline) {
-  compared_ = 0;
-  observed_ = expected_ = 0;
+  compared_ = observed_ = expected_ = ByPlace();
   std::vector<Vec3> colours = colours_;
   model::PictureSum sum = empty_sum(method_.scan());
   std::vector<std::size_t> order(plan.synthesised.size());
@@ -47,7 +46,7 @@ core::Image PlanExecution::carry_out(Plan& plan, const Deadline& deadline) {
   for (std::size_t i = done; i < order.size(); ++i) plan.variance_left = plan.variance_left + plan.saved[i];
   plan.synthesised.resize(done);
   plan.saved.resize(done);
-  plan.variance_left = square(error_scale()) * plan.variance_left;
+  plan.variance_left = variance_scale() * plan.variance_left;
   if (!plan.remainder.empty()) add_remainder(plan, sum, deadline);
   sum.add(method_.scan(), colours);
   captured_used_ = std::size_t(std::count_if(colours.begin(), colours.end(), [](Vec3 c) { return c != Vec3{}; }));
@@ -73,10 +72,14 @@ core::Image PlanExecution::picture(const core::Direction& direction) {
   return image;
 }
 
-double PlanExecution::error_scale() const {
-  if (!(expected_ > 0)) return 1;
-  const double prior = 4 * expected_ / double(compared_);
-  return std::max(1.0, std::sqrt((observed_ + prior) / (expected_ + prior)));
+ByPlace PlanExecution::variance_scale() const {
+  ByPlace scale = kAlike;
+  for (const auto place : {&ByPlace::between_lights, &ByPlace::in_holes}) {
+    if (!(expected_.*place > 0)) continue;
+    const double prior = 4 * expected_.*place / compared_.*place;
+    scale.*place = std::max(1.0, (observed_.*place + prior) / (expected_.*place + prior));
+  }
+  return scale;
 }
 
 // Adds the difference D of one light, times its irradiance, and returns the mean square of that at the pixels that are looked at.
@@ -87,9 +90,11 @@ double PlanExecution::add(const DistantLight& light, model::PictureSum& sum, std
   for (std::size_t i = 0; i < weights.size(); ++i) colours[i] = colours[i] - weights[i] * light.irradiance;
   const double size = magnitude(light.irradiance);
   const double observed = square(size * root_mean_square(captured_.differences.observed_difference(image, weights)));
-  observed_ += observed;
-  expected_ += square(size * captured_.differences.expected(captured_.differences.nearest(light.direction)));
-  ++compared_;
+  const LightDifferences::NearestLight nearest = captured_.differences.nearest(light.direction);
+  const auto place = captured_.differences.between_lights(nearest) ? &ByPlace::between_lights : &ByPlace::in_holes;
+  observed_.*place += observed;
+  expected_.*place += square(size * captured_.differences.expected(nearest));
+  compared_.*place += 1;
   return observed;
 }
 

@@ -32,9 +32,9 @@ class PlanExecution {
   // Synthesises one picture, or takes it from those that are kept.
   core::Image picture(const core::Direction& direction);
 
-  // By how much synthesised pictures differ more from the interpolation of the captured ones than expected; 1 as long as there is none, and not below 1. Few pictures say
-  // little: the expectation counts as much as four of them.
-  double error_scale() const;
+  // By how much the squares of the differences between synthesised pictures and the interpolation of the captured ones are larger than expected; 1 as long as there is
+  // none, and not below 1. Few pictures say little: the expectation counts as much as four of them.
+  ByPlace variance_scale() const;
 
   std::size_t directions_synthesised() const { return rendered_; }    // since the beginning
   std::size_t directions_captured() const { return captured_used_; }  // of the last plan
@@ -51,8 +51,8 @@ class PlanExecution {
   std::map<std::array<double, 3>, core::Image> kept_;
   std::size_t kept_bytes_ = 0, rendered_ = 0, captured_used_ = 0;
   double seconds_ = 0, last_seconds_ = 0;
-  std::size_t compared_ = 0;            // pictures of the last plan
-  double observed_ = 0, expected_ = 0;  // sums of squares over them
+  ByPlace compared_;             // pictures of the last plan
+  ByPlace observed_, expected_;  // sums of squares over them
 };
 
 }  // namespace lightstage::relight

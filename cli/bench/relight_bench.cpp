@@ -200,6 +200,7 @@ MatchedTable matched_errors(const model::LightInterpolator& method, const std::v
   const core::Image& mask = method.scan().mask();
   MatchedTable table;
   table.seconds_per_picture = exhaustive.seconds_per_picture;
+  core::Progress progress("relighting by plan", maps.size() * asked.size());
   for (std::size_t m = 0; m < maps.size(); ++m) {
     const Environment full = environments[m].map.resized(256, 128);
     const int degree_90 = relight::analyse(full).degree_90;
@@ -221,6 +222,7 @@ MatchedTable matched_errors(const model::LightInterpolator& method, const std::v
       row.lit_of_full = of_full.directions_exhaustive;
       row.planned_of_full_s = of_full.seconds;
       table.rows.push_back(row);
+      progress.advance();
     }
   }
   return table;

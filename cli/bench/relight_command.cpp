@@ -156,12 +156,18 @@ std::string gains_plot(const std::vector<GainRow>& gained) {
 }
 
 std::string frontier_plot(const MatchedTable& matched) {
-  PlotPanel panel{"by plan, at the asked errors", {"seconds", true}, {"DSSIM from exhaustive synthesis", true}, {}};
-  for (const MatchedRow& row : matched.rows) {
-    if (panel.series.empty() || panel.series.back().name != row.environment)
-      panel.series.push_back({row.environment, {}});
-    panel.series.back().points.push_back(
-        {row.planned_s, std::max(row.dssim, 1e-6), std::to_string(row.synthesised) + " pictures"});
+  constexpr double kExact = 1e-6;  // where no error is drawn
+  PlotPanel panel{"by plan at the asked errors, and exhaustively (drawn at 1e-6)",
+                  {"seconds", true},
+                  {"DSSIM from exhaustive synthesis", true},
+                  {}};
+  for (std::size_t i = 0; i < matched.rows.size(); ++i) {
+    const MatchedRow& row = matched.rows[i];
+    if (i == 0 || row.environment != matched.rows[i - 1].environment) panel.series.push_back({row.environment, {}});
+    std::vector<PlotPoint>& points = panel.series.back().points;
+    points.push_back({row.planned_s, std::max(row.dssim, kExact), std::to_string(row.synthesised) + " pictures"});
+    if (i + 1 == matched.rows.size() || matched.rows[i + 1].environment != row.environment)
+      points.push_back({row.exhaustive_s, kExact, "all " + std::to_string(row.exhaustive) + " pictures"});
   }
   return svg_plots({panel}, 1);
 }

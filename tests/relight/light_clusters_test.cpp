@@ -98,6 +98,28 @@ TEST_CASE("numbers and variances that are asked for are kept", "[clusters]") {
   CHECK(before > 20);
 }
 
+TEST_CASE("what is wrong in holes and between lights counts as it is weighed", "[clusters]") {
+  std::vector<DoubtfulLight> lights = random_lights(400, 3);
+  const Direction between = Direction::from_longitude_latitude_degrees(10, 20),
+                  in_hole = Direction::from_longitude_latitude_degrees(50, -80);
+  lights.push_back({between, {30, 30, 30}, 0.02, true});
+  lights.push_back({in_hole, {20, 20, 20}, 0.02, false});
+  const LightClusters clusters(lights, kSpacing);
+  const auto first = [&](const relight::ByPlace& weights) {
+    const Cut cut = clusters.at_most(1, weights);
+    REQUIRE(cut.representatives.size() == 1);
+    return cut.representatives[0].direction;
+  };
+  CHECK(core::angle_radians(first({1, 1}), between) < 0.01);
+  CHECK(core::angle_radians(first({1, 100}), in_hole) < 0.01);
+  const relight::ByPlace all = clusters.at_price(kInfinity).variance;
+  CHECK(all.in_holes == Approx(0.16).epsilon(0.3));
+  CHECK(all.total() == Approx(all.between_lights + all.in_holes));
+  const Cut cut = clusters.within(0.05 * all.weighed({1, 100}), {1, 100});
+  CHECK(cut.variance.weighed({1, 100}) <= 0.05 * all.weighed({1, 100}));
+  CHECK(cut.variance.in_holes < 0.05 * all.in_holes);
+}
+
 TEST_CASE("light is neither lost nor doubled by clusters", "[clusters]") {
   const std::vector<DoubtfulLight> lights = random_lights(500, 3);
   const LightClusters clusters(lights, kSpacing);
