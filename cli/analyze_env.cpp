@@ -58,12 +58,13 @@ std::string spectrum_plot(const std::string& title, const relight::EnvironmentAn
   const double at = analysis.degree_90;
   const PlotPanel spectrum{.title = title,
                            .x = {.label = "degree"},
-                           .y = {.label = "share of the energy", .logarithmic = true},
+                           .y = {.label = "share of the energy to degree 50", .logarithmic = true},
                            .series = {each}};
   const PlotPanel cumulative{
-      .title = "90 % at degree " + std::to_string(analysis.degree_90),
+      .title = "90 % at degree " + std::to_string(analysis.degree_90) +
+               "; above 50: " + percent(analysis.share_above_50) + " of all",
       .x = {.label = "degree"},
-      .y = {.label = "share of the energy"},
+      .y = {.label = "share of the energy to degree 50"},
       .series = {held, marked("90 %", 0, 0.9, last, 0.9), marked("90 %", at, 0, at, 1),
                  marked("degrees 15, 20", 15, 0, 15, 1), marked("degrees 15, 20", 20, 0, 20, 1)}};
   return svg_plots({spectrum, cumulative}, 2);
@@ -79,10 +80,10 @@ void run_analyze_env(const Options& options, Context& context) {
 
   const relight::SmallSources& sources = analysis.small_sources;
   std::string text = options.file.string() + ", " + std::to_string(environment.width()) + "x" +
-                     std::to_string(environment.height()) + "\n90 % of the energy up to degree 50: degree " +
-                     std::to_string(analysis.degree_90) +
-                     "; of all energy above degree 50: " + percent(analysis.share_above_50) + "\n" +
-                     verdict_in_words(analysis.verdict) + "\nlight in small sources: " + percent(sources.share) + "\n";
+                     std::to_string(environment.height()) + "\n90 % of the energy up to degree 50 is held by degree " +
+                     std::to_string(analysis.degree_90) + " and those below; above degree 50 is " +
+                     percent(analysis.share_above_50) + " of all energy\n" + verdict_in_words(analysis.verdict) +
+                     "\nlight in small sources: " + percent(sources.share) + "\n";
   nlohmann::ordered_json brightest;
   if (sources.brightest) {
     const relight::LightSource& source = *sources.brightest;

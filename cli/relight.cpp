@@ -95,9 +95,20 @@ std::string environment_text(const FramePicture& work, const EnvironmentOptions&
 }
 
 std::string source_text(const PictureMethod& method, const FramePicture& work) {
-  if (!method.pack()) return std::to_string(work.directions_synthesised) + " synthesised pictures";
+  if (!method.pack() && work.directions_synthesised == 0) return "captured pictures alone";
+  if (!method.pack())
+    return std::to_string(work.directions_synthesised) +
+           (work.directions_synthesised == 1 ? " synthesised picture" : " synthesised pictures");
   return std::to_string(method.pack()->rank) + " basis pictures (error " +
          core::number_text(method.pack()->errors.relative, 2) + ")";
+}
+
+// Of pictures under one environment or rig it is one exposure.
+std::string stops_text(const std::vector<MadePicture>& pictures) {
+  const auto [least, most] = std::minmax_element(
+      pictures.begin(), pictures.end(), [](const MadePicture& a, const MadePicture& b) { return a.stops < b.stops; });
+  const std::string low = fixed(least->stops, 2), high = fixed(most->stops, 2);
+  return (low == high ? low : low + " to " + high) + " stops";
 }
 
 void report(const Options& options, const PictureMethod& method, double preparing_seconds, const PicturePlace& place,
@@ -121,9 +132,10 @@ void report(const Options& options, const PictureMethod& method, double preparin
   if (!several) text += environment_text(first.work, options.frames.environment);
   if (already_made > 0)
     text += std::to_string(already_made) + " of " + std::to_string(pictures.size()) + " pictures were there already\n";
-  text += std::string(first.already_made ? "" : "wrote ") + first.files.exr.string() +
+  text += std::string(first.already_made ? "" : "wrote ") +
+          (several ? std::to_string(pictures.size()) + " pictures, " : "") + first.files.exr.string() +
           (several ? " to " + last.files.exr.string() + ", each with its .png" : " and " + first.files.png.string()) +
-          " (" + fixed(first.stops, 2) + " stops)\n";
+          " (" + stops_text(pictures) + ")\n";
   ordered_json json{{"scan", options.name}, {"method", method.name()}};
   json.update(several ? work_json(all, measure) : work_json(first.work, measure));
   if (method.pack()) json["pack"] = to_json(*method.pack());

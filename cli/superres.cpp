@@ -127,8 +127,10 @@ void run_superres(const Options& options, Context& context) {
   const std::vector<core::Direction> directions = virtual_directions(source.scan.directions(), options.lights);
   const SuperresReport report =
       superres(store, source, scan, *interpolator, json_text(parameters), directions, options.out);
-  std::string text = "made '" + options.out + "': " + std::to_string(report.lights) + " lights by " + choice.method +
-                     ", " + fixed(report.seconds_per_image, 3) + " s an image\n";
+  const bool was_there = report.already_stored == report.lights;
+  std::string text = (was_there ? "'" : "made '") + options.out + "'" + (was_there ? " was there already: " : ": ") +
+                     std::to_string(report.lights) + " lights by " + choice.method +
+                     (was_there ? "" : ", " + fixed(report.seconds_per_image, 3) + " s an image") + "\n";
   nlohmann::ordered_json json{{"scan", options.out},
                               {"source", options.name},
                               {"method", choice.method},

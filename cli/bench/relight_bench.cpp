@@ -267,6 +267,7 @@ std::vector<GainRow> gains(const SimulatedStageOptions& options, const std::vect
       synthesised[i] = network->render(places[i]);
       progress.advance();
     }
+    progress.advance(directions - places.size());
     const std::vector<Image> of_network = sums_of(synthesised, colours);
     const std::vector<Image> truth = sums_of(stage.truth(places), colours);
     for (std::size_t m = 0; m < maps.size(); ++m) {

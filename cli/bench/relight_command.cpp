@@ -157,10 +157,8 @@ std::string gains_plot(const std::vector<GainRow>& gained) {
 
 std::string frontier_plot(const MatchedTable& matched) {
   constexpr double kExact = 1e-6;  // where no error is drawn
-  PlotPanel panel{"by plan at the asked errors, and exhaustively (drawn at 1e-6)",
-                  {"seconds", true},
-                  {"DSSIM from exhaustive synthesis", true},
-                  {}};
+  PlotPanel panel{
+      "by plan; the last points exhaustive, at 1e-6", {"seconds", true}, {"DSSIM from exhaustive synthesis", true}, {}};
   for (std::size_t i = 0; i < matched.rows.size(); ++i) {
     const MatchedRow& row = matched.rows[i];
     if (i == 0 || row.environment != matched.rows[i - 1].environment) panel.series.push_back({row.environment, {}});

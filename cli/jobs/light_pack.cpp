@@ -166,8 +166,9 @@ bool takes_pack(const MethodChoice& choice, const db::Store& store, const db::Sc
   const bool has_pack = store.newest_product(kKind, scan.id).has_value();
   if (choice.method != "pack") return (choice.method.empty() || choice.method == "auto") && !knobs && has_pack;
   if (!has_pack)
-    throw core::UsageError("scan '" + scan.name + "' has no pack; `lightstage superres SCAN --compress --out " +
-                           scan.name + "` makes one of a virtual scan");
+    throw core::UsageError("scan '" + scan.name +
+                           "' has no pack; `lightstage superres SCAN --compress --out NEW` makes a virtual scan that "
+                           "has one, or packs the scan NEW that it made before");
   if (knobs) throw core::UsageError("a pack has no knobs: its pictures were made when the scan was");
   return true;
 }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <optional>
 #include <set>
 
 #include <nlohmann/json.hpp>
@@ -90,7 +91,8 @@ SuperresReport superres(db::Store& store, const db::LoadedScan& source, const db
   for (const db::Frame& frame : store.frames(scan.id)) stored.insert(frame.step_index);
   SuperresReport report{.lights = directions.size(), .already_stored = stored.size()};
 
-  core::Progress progress("super-resolving", directions.size() - stored.size());
+  std::optional<core::Progress> progress;
+  if (stored.size() < directions.size()) progress.emplace("super-resolving", directions.size() - stored.size());
   double seconds = 0;
   for (const std::size_t i : core::neighbouring_order(directions)) {  // neighbours share captured images
     if (stored.contains(int(i))) continue;
@@ -103,7 +105,7 @@ SuperresReport superres(db::Store& store, const db::LoadedScan& source, const db
     frame.camera = kCamera;
     frame.step_index = int(i);
     store.put_frame(frame, image);
-    progress.advance();
+    progress->advance();
   }
   if (stored.size() < directions.size()) report.seconds_per_image = seconds / double(directions.size() - stored.size());
   return report;

@@ -1,5 +1,7 @@
 #include "cli/relight/explain.h"
 
+#include <algorithm>
+
 #include "cli/format.h"
 #include "cli/jobs/environments.h"
 #include "cli/jobs/scans.h"
@@ -18,6 +20,7 @@ namespace {
 using nlohmann::ordered_json;
 
 constexpr std::size_t kLightsNamed = 8;  // nearest to each that is synthesised
+constexpr std::size_t kRowsShown = 20;   // of a plan that may have thousands; --json has them all
 
 // The first picture also loads what the others share, the second shows what one takes.
 double expected_synthesis_seconds(const relight::Plan& plan, const model::LightInterpolator& interpolator) {
@@ -37,19 +40,20 @@ std::string summary_text(const relight::Plan& plan, const std::string& file, std
   std::string text = file + ": " + std::to_string(captured) + " captured pictures, and " +
                      std::to_string(plan.synthesised.size()) + " synthesised by " + method;
   if (!plan.remainder.empty()) text += " and " + std::to_string(plan.remainder.size()) + " as samples of the rest";
-  return text + "; about " + fixed(seconds, 1) + " s; expected: DSSIM " +
-         core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) + ", relative RMS " +
-         core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
+  return text + "; about " + (seconds < 100 ? fixed(seconds, 1) + " s" : fixed(seconds / 60, 1) + " min") +
+         "; expected: DSSIM " + core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) +
+         ", relative RMS " + core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
 }
 
 // Adds to `json` by which captured lights each synthesised one stands, and returns the same as a table.
 std::string name_neighbours(const relight::Plan& plan, const std::vector<core::Direction>& captured,
                             ordered_json& json) {
-  std::vector<std::vector<std::string>> rows{{"longitude, latitude", "irradiance", "nearest captured lights"}};
+  std::vector<std::vector<std::string>> rows{{"longitude, latitude", "irradiance r g b", "nearest captured lights"}};
   for (std::size_t i = 0; i < plan.synthesised.size(); ++i) {
     const relight::DistantLight& light = plan.synthesised[i];
     const std::vector<std::size_t> nearest = core::nearest_indices(captured, light.direction, kLightsNamed);
     json["lights"][i]["nearest_captured"] = nearest;
+    if (i >= kRowsShown) continue;
     std::string names;
     for (const std::size_t index : nearest) names += (names.empty() ? "" : " ") + std::to_string(index);
     const core::Vec3 rgb = light.irradiance;
@@ -57,7 +61,9 @@ std::string name_neighbours(const relight::Plan& plan, const std::vector<core::D
                     core::number_text(rgb.x, 3) + " " + core::number_text(rgb.y, 3) + " " + core::number_text(rgb.z, 3),
                     names});
   }
-  return rows.size() > 1 ? table(rows) : "";
+  if (rows.size() == 1) return "";
+  const std::size_t more = plan.synthesised.size() - std::min(plan.synthesised.size(), kRowsShown);
+  return table(rows) + (more > 0 ? "and " + std::to_string(more) + " more: --json lists them all\n" : "");
 }
 
 }  // namespace

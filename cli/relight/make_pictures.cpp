@@ -1,13 +1,69 @@
 #include "cli/relight/make_pictures.h"
 
 #include <algorithm>
+#include <atomic>
 
+#include "cli/relight/watched_synthesis.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 
 namespace lightstage::cli {
+
+namespace {
+
+// How many pictures a method without linear weights synthesises for the lights of a frame; 0, not known, where it has an environment.
+std::size_t pictures_for(const relight::RigFrame& frame, const std::optional<int>& samples,
+                         const model::LightInterpolator& method) {
+  if (frame.environment) return 0;
+  std::size_t count = 0;
+  for (const auto* lights : {&frame.fixed, &frame.moving}) {
+    for (const relight::AreaLight& light : *lights) {
+      const bool is_point = light.radius_degrees == 0;
+      count += is_point ? 1 : std::size_t(samples ? *samples : relight::area_samples(method, light.radius_degrees));
+    }
+  }
+  return count;
+}
+
+// What is told while pictures are made: of several how many are finished, and of each what is synthesised for it.
+class Telling {
+ public:
+  explicit Telling(std::size_t pictures) : pictures_(pictures) {
+    if (pictures_ > 1) progress_.emplace("relighting", pictures_);
+  }
+
+  void begin(std::size_t to_synthesise) {
+    synthesised_ = 0;
+    to_synthesise_ = to_synthesise;
+  }
+
+  void synthesised() {
+    const std::size_t count = ++synthesised_;
+    if (pictures_ > 1) {
+      progress_->set_status(std::to_string(count) +
+                            (to_synthesise_ > 0 ? " of " + std::to_string(to_synthesise_) : "") +
+                            " synthesised for the next");
+    } else if (to_synthesise_ != 1) {
+      if (!progress_) progress_.emplace("synthesising pictures", to_synthesise_);
+      progress_->advance();
+    }
+  }
+
+  void finished() {
+    if (pictures_ < 2) return;
+    progress_->set_status("");
+    progress_->advance();
+  }
+
+ private:
+  std::size_t pictures_, to_synthesise_ = 0;
+  std::atomic<std::size_t> synthesised_ = 0;
+  std::optional<core::Progress> progress_;
+};
+
+}  // namespace
 
 void find_made_pictures(std::vector<PictureJob>& jobs, const PicturePlace& place, const PictureFiles& files) {
   for (PictureJob& job : jobs) {
@@ -33,14 +89,15 @@ std::vector<MadePicture> make_pictures(
   std::size_t missing = 0;
   for (const PictureJob& job : jobs) missing += std::size_t(std::count(job.is_made.begin(), job.is_made.end(), false));
   std::unique_ptr<model::LightInterpolator> interpolator;
+  std::optional<WatchedSynthesis> watched;
   std::optional<FramePictures> pictures;
-  std::optional<core::Progress> progress;
+  Telling telling(missing);
   if (missing > 0) {
     if (place.is_folder()) core::make_folder(place.path());
     interpolator = make_interpolator();
-    pictures.emplace(*interpolator, options);
+    watched.emplace(*interpolator, [&telling] { telling.synthesised(); });
+    pictures.emplace(*watched, options);
   }
-  if (missing > 1) progress.emplace("relighting", missing);
 
   std::vector<MadePicture> all;
   for (PictureJob& job : jobs) {
@@ -51,13 +108,15 @@ std::vector<MadePicture> make_pictures(
         continue;
       }
       core::throw_if_interrupted();
-      FramePicture picture = pictures->picture(job.sequence.rig.frame(frame));
+      const relight::RigFrame lights = job.sequence.rig.frame(frame);
+      telling.begin(pictures_for(lights, options.samples, *interpolator));
+      FramePicture picture = pictures->picture(lights);
       if (!job.stops) job.stops = relight::auto_exposure_stops(picture.image, mask);
       const auto written =
           files.write(file, picture.image, *job.stops, job.recipe.of_frame(frame), job.recipe.origin());
       picture.image = core::Image();
       all.push_back({written, *job.stops, false, std::move(picture)});
-      if (progress) progress->advance();
+      telling.finished();
     }
   }
   return all;

@@ -15,7 +15,7 @@ namespace {
 
 constexpr double kPanelWidth = 460, kPanelHeight = 330;
 constexpr double kLeft = 70, kRight = 16, kTop = 34, kBottom = 52;  // margins around a panel's axes
-constexpr double kLegendEntry = 150, kLegendLine = 22;
+constexpr double kLegendEntry = 150, kLegendLine = 22;              // an entry is wider where a name is long
 constexpr const char* kGrey = "#999999";
 constexpr std::array<const char*, 10> kColours{"#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd",
                                                "#8c564b", "#e377c2", "#17becf", "#bcbd22", "#333333"};
@@ -31,9 +31,11 @@ std::string text_at(double x, double y, const std::string& anchor, const std::st
          html_escaped(words) + "</text>\n";
 }
 
-std::string line(double x1, double y1, double x2, double y2, const std::string& colour) {
+constexpr const char* kDashes = " stroke-dasharray=\"6 4\"";
+
+std::string line(double x1, double y1, double x2, double y2, const std::string& colour, const std::string& more = {}) {
   return "<line x1=\"" + number(x1) + "\" y1=\"" + number(y1) + "\" x2=\"" + number(x2) + "\" y2=\"" + number(y2) +
-         "\" stroke=\"" + colour + "\"/>\n";
+         "\" stroke=\"" + colour + "\"" + more + "/>\n";
 }
 
 // Where values of an axis lie between 0 and 1.
@@ -119,6 +121,14 @@ std::string marker(const Look& look, double x, double y, const std::string& labe
   return "<polygon points=\"" + corners + "\"" + style + ">" + title + "</polygon>\n";
 }
 
+// Of a column of the legend: the width of the longest name, as wide as letters of 12 pixels are, and its mark.
+double legend_entry(const std::vector<std::string>& names) {
+  constexpr double kLetter = 6.8, kMark = 40;
+  double width = kLegendEntry;
+  for (const std::string& name : names) width = std::max(width, kMark + kLetter * double(name.size()));
+  return width;
+}
+
 // Names in the order of their first series.
 std::vector<std::string> legend_names(const std::vector<PlotPanel>& panels) {
   std::vector<std::string> names;
@@ -195,7 +205,7 @@ class Panel {
     }
     if (!series.line || corners.empty()) return markers;
     return "<polyline points=\"" + corners + "\" fill=\"none\" stroke=\"" + look.colour + "\" stroke-width=\"1.8\"" +
-           (series.backdrop ? " stroke-dasharray=\"6 4\"" : "") + "/>\n" + markers;
+           (series.backdrop ? kDashes : "") + "/>\n" + markers;
   }
 
   const PlotPanel& panel_;
@@ -210,7 +220,8 @@ std::string svg_plots(const std::vector<PlotPanel>& panels, int columns) {
   const std::size_t rows = (panels.size() + per_row - 1) / per_row;
   const double width = kPanelWidth * double(std::min(per_row, std::max<std::size_t>(1, panels.size())));
   const std::vector<std::string> names = legend_names(panels);
-  const std::size_t a_line = std::max<std::size_t>(1, std::size_t((width - kLeft) / kLegendEntry));
+  const double entry = legend_entry(names);
+  const std::size_t a_line = std::max<std::size_t>(1, std::size_t((width - kLeft) / entry));
   const double legend_height = kLegendLine * double((names.size() + a_line - 1) / a_line) + 12;
   const double height = kPanelHeight * double(rows) + legend_height;
 
@@ -222,14 +233,14 @@ std::string svg_plots(const std::vector<PlotPanel>& panels, int columns) {
     svg += Panel(panels[i], kPanelWidth * double(i % per_row), kPanelHeight * double(i / per_row)).svg(names);
   }
   for (std::size_t i = 0; i < names.size(); ++i) {
-    const double x = kLeft + kLegendEntry * double(i % a_line);
+    const double x = kLeft + entry * double(i % a_line);
     const double y = kPanelHeight * double(rows) + kLegendLine * (double(i / a_line) + 0.5);
     for (const PlotPanel& panel : panels) {
       const auto series = std::find_if(panel.series.begin(), panel.series.end(),
                                        [&](const PlotSeries& candidate) { return candidate.name == names[i]; });
       if (series == panel.series.end()) continue;
       const Look look = look_of(*series, names);
-      if (series->line) svg += line(x - 10, y, x + 10, y, look.colour);
+      if (series->line) svg += line(x - 10, y, x + 10, y, look.colour, series->backdrop ? kDashes : "");
       if (series->markers) svg += marker(look, x, y, {});
       break;
     }

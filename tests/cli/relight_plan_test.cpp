@@ -1,4 +1,5 @@
 // `relight` under environments: what it is asked to keep, what it says it kept, and what it refuses.
+#include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
 
@@ -84,6 +85,43 @@ TEST_CASE("an explanation tells what would be synthesised and writes nothing", "
   CHECK(plan.at("expected_error").get<double>() <= 0.001);
   for (const nlohmann::json& product : studio.run({"store", "show", "ball", "--json"}).json().at("products"))
     CHECK(product.at("kind") != "picture");
+}
+
+TEST_CASE("an explanation for people shows the first twenty lights and counts the others", "[relight]") {
+  const Studio studio;
+  core::Image spots(12, 24, 3);
+  for (int i = 0; i < 12 * 24; ++i)
+    for (int c = 0; c < 3; ++c) spots(i / 24, i % 24, c) = i % 7 == 3 ? float(1 + i % 5) : 0.0f;
+  core::write_image(studio / "spots.exr", spots);
+  const test::Outcome told =
+      studio.run({"relight", "ball", "--env", studio / "spots.exr", "--error", "1e-6", "--explain"});
+  INFO(told.err);
+  REQUIRE(told.status == 0);
+  const nlohmann::json plan =
+      studio.lit({"--env", studio / "spots.exr", "--error", "1e-6", "--explain"}).at("plans").at(0);
+  const std::size_t all = plan.at("lights").size();
+  REQUIRE(all > 20);
+  CHECK_THAT(told.out, Catch::Contains("and " + std::to_string(all - 20) + " more"));
+  CHECK(std::count(told.out.begin(), told.out.end(), '\n') == 1 + 1 + 20 + 1);
+  CHECK(plan.at("lights").back().at("nearest_captured").size() == 8);
+}
+
+TEST_CASE("the pictures that are synthesised for one are told as progress, of a known number where it is known",
+          "[relight]") {
+  const Studio studio;
+  const auto told = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), {"relight", "ball", "--method", "blend", "--out", studio / "told.exr"});
+    const test::Outcome outcome = studio.run(arguments);
+    INFO(outcome.err);
+    REQUIRE(outcome.status == 0);
+    return outcome.err;
+  };
+  CHECK_THAT(told({"--light", "0,20", "--radius", "5", "--samples", "7"}),
+             Catch::Contains("synthesising pictures: 7/7 in"));
+  CHECK_THAT(told({"--env", studio / "sky.exr", "--size", "4x2", "--exhaustive"}),
+             Catch::Contains("synthesising pictures: 8 in"));
+  CHECK_THAT(told({"--light", "0,20"}), !Catch::Contains("synthesising"));
+  CHECK_THAT(told({"--light", "0,20", "--radius", "5", "--samples", "7", "--quiet"}), !Catch::Contains("synthesising"));
 }
 
 TEST_CASE("goals that contradict each other, or make no sense, are refused", "[relight]") {
