@@ -79,6 +79,8 @@ std::string environment_text(const FramePicture& work, const EnvironmentOptions&
   std::string text = "  the map has " + std::to_string(report.directions_exhaustive) + " lit pixels; " +
                      std::to_string(report.directions_captured) + " captured and " +
                      std::to_string(report.directions_synthesised) + " synthesised pictures were summed\n";
+  const bool is_linear = report.plan.picture_rms == 0 && report.directions_synthesised == 0;
+  if (is_linear) return text + "  this method has no more to say of any light: nothing is left out\n";
   const relight::Goal goal = options.goal();
   if (const auto* error = std::get_if<relight::ErrorGoal>(&goal)) {
     text += "  asked: " + std::string(error->measure == relight::ErrorMeasure::kDssim ? "DSSIM" : "relative RMS") +

@@ -8,6 +8,7 @@
 #include "cli/options.h"
 #include "cli/relight/picture_method.h"
 #include "core/error.h"
+#include "core/interrupt.h"
 #include "core/sphere.h"
 #include "core/stopwatch.h"
 #include "core/text.h"
@@ -35,14 +36,28 @@ double expected_synthesis_seconds(const relight::Plan& plan, const model::LightI
   return once_prepared + double(plan.pictures() - 1) * second.seconds();
 }
 
+std::string time_text(double seconds) {
+  return seconds < 100 ? fixed(seconds, 1) + " s" : fixed(seconds / 60, 1) + " min";
+}
+
+// Those whose environment stands otherwise than in the frame before: the others take its picture.
+std::vector<int> frames_to_plan(const relight::LightRig& rig) {
+  std::vector<int> frames{0};
+  for (int number = 1; number < rig.frames; ++number) {
+    if (rig.frame(number).environment->rotate_degrees != rig.frame(number - 1).environment->rotate_degrees)
+      frames.push_back(number);
+  }
+  return frames;
+}
+
 std::string summary_text(const relight::Plan& plan, const std::string& file, std::size_t captured,
                          const std::string& method, double seconds) {
   std::string text = file + ": " + std::to_string(captured) + " captured pictures, and " +
                      std::to_string(plan.synthesised.size()) + " synthesised by " + method;
   if (!plan.remainder.empty()) text += " and " + std::to_string(plan.remainder.size()) + " as samples of the rest";
-  return text + "; about " + (seconds < 100 ? fixed(seconds, 1) + " s" : fixed(seconds / 60, 1) + " min") +
-         "; expected: DSSIM " + core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) +
-         ", relative RMS " + core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
+  return text + "; about " + time_text(seconds) + "; expected: DSSIM " +
+         core::number_text(plan.expected_error(relight::ErrorMeasure::kDssim), 2) + ", relative RMS " +
+         core::number_text(plan.expected_error(relight::ErrorMeasure::kRelativeRms), 2) + "\n";
 }
 
 // Adds to `json` by which captured lights each synthesised one stands, and returns the same as a table.
@@ -81,25 +96,35 @@ void explain(const std::vector<Sequence>& all, const EnvironmentOptions& asked, 
   const relight::EnvironmentRelighter relighter(*interpolator);
   std::string text;
   ordered_json plans = ordered_json::array();
+  double all_seconds = 0;
   for (const Sequence& sequence : all) {
-    const relight::RigFrame frame = sequence.rig.frame(0);
-    if (!frame.environment) continue;
-    const std::string file = frame.environment->file.string();
-    const relight::Environment map = asked.resized(read_environment(file)).rotated(frame.environment->rotate_degrees);
-    const core::Stopwatch planning;
-    const relight::Plan plan = relighter.plan(map, *error);
-    const double seconds = planning.seconds() + expected_synthesis_seconds(plan, *interpolator);
-    ordered_json json{{"environment", file}, {"method", method.name()}};
-    json.update(plan_json(plan));
-    json["directions_synthesised"] = plan.pictures();
-    json["expected_seconds"] = seconds;
-    json["expected_error"] = plan.expected_error(error->measure);
-    json["peak_rss_bytes"] = or_null(memory.bytes());
-    text += summary_text(plan, file, source.scan.light_count(), method.name(), seconds) +
-            name_neighbours(plan, source.scan.directions(), json);
-    plans.push_back(std::move(json));
+    if (!sequence.rig.environment) continue;
+    const std::string file = sequence.rig.environment->file.string();
+    const relight::Environment whole = asked.resized(read_environment(file));
+    const std::vector<int> frames = frames_to_plan(sequence.rig);
+    for (const int number : frames) {
+      core::throw_if_interrupted();
+      const double rotation = sequence.rig.frame(number).environment->rotate_degrees;
+      const core::Stopwatch planning;
+      const relight::Plan plan = relighter.plan(whole.rotated(rotation), *error);
+      const double seconds = planning.seconds() + expected_synthesis_seconds(plan, *interpolator);
+      all_seconds += seconds;
+      ordered_json json{{"environment", file}, {"frame", number}, {"rotate_deg", rotation}, {"method", method.name()}};
+      json.update(plan_json(plan));
+      json["directions_synthesised"] = plan.pictures();
+      json["expected_seconds"] = seconds;
+      json["expected_error"] = plan.expected_error(error->measure);
+      json["peak_rss_bytes"] = or_null(memory.bytes());
+      const std::string lights = name_neighbours(plan, source.scan.directions(), json);
+      const bool one = frames.size() == 1;
+      text += summary_text(plan, one ? file : file + ", frame " + std::to_string(number), source.scan.light_count(),
+                           method.name(), seconds) +
+              (one ? lights : "");
+      plans.push_back(std::move(json));
+    }
   }
-  context.result(text, {{"scan", scan}, {"plans", plans}});
+  if (plans.size() > 1) text += "in all about " + time_text(all_seconds) + "\n";
+  context.result(text, {{"scan", scan}, {"plans", plans}, {"expected_seconds", all_seconds}});
 }
 
 }  // namespace lightstage::cli

@@ -11,7 +11,7 @@
 
 namespace lightstage::cli {
 
-// Tells what would be synthesised for the environment in the first frame of each sequence, from which captured lights, by which method, and what that would
+// Tells what would be synthesised for every frame whose environment stands otherwise than in the one before, from which captured lights, by which method, and what that would
 // take. One picture is synthesised twice, to tell the time of one; nothing is written. Throws UsageError for a goal that is not an error, and as relight does.
 void explain(const std::vector<Sequence>& all, const EnvironmentOptions& asked, const MethodChoice& method,
              const std::string& scan, Context& context);

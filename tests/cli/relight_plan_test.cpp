@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <fstream>
 
 #include "cli/darkroom.h"
 #include "core/image_file.h"
@@ -85,6 +86,24 @@ TEST_CASE("an explanation tells what would be synthesised and writes nothing", "
   CHECK(plan.at("expected_error").get<double>() <= 0.001);
   for (const nlohmann::json& product : studio.run({"store", "show", "ball", "--json"}).json().at("products"))
     CHECK(product.at("kind") != "picture");
+}
+
+TEST_CASE("an explanation of a turn plans each of its frames, and one that stands still once", "[relight]") {
+  const Studio studio;
+  const nlohmann::json turn = studio.lit({"--env", studio / "sky.exr", "--error", "0.01", "--turn", "3", "--explain"});
+  const nlohmann::json& plans = turn.at("plans");
+  REQUIRE(plans.size() == 3);
+  double seconds = 0;
+  for (int frame = 0; frame < 3; ++frame) {
+    CHECK(plans.at(frame).at("frame") == frame);
+    CHECK(plans.at(frame).at("rotate_deg").get<double>() == Approx(120 * frame));
+    seconds += plans.at(frame).at("expected_seconds").get<double>();
+  }
+  CHECK(turn.at("expected_seconds").get<double>() == Approx(seconds));
+  std::ofstream(studio / "still.toml") << "frames = 4\n[environment]\nfile = \"sky.exr\"\n[[light]]\n"
+                                          "[[light.key]]\ntime_s = 0\ndirection = [0, 0]\n"
+                                          "[[light.key]]\ntime_s = 1\ndirection = [40, 0]\n";
+  CHECK(studio.lit({"--rig", studio / "still.toml", "--error", "0.01", "--explain"}).at("plans").size() == 1);
 }
 
 TEST_CASE("an explanation for people shows the first twenty lights and counts the others", "[relight]") {
