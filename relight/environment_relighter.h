@@ -56,7 +56,8 @@ class EnvironmentRelighter {
   // Looks at every image of the scan once. The method must outlive this.
   explicit EnvironmentRelighter(const model::LightInterpolator& method);
 
-  // What relight would do first, before it has seen a synthesised picture; nothing for methods with linear weights. Throws as relight.
+  // What relight would do first, before it has seen a synthesised picture: every lit pixel where a plan would take as many; nothing for methods with
+  // linear weights. Throws as relight.
   Plan plan(const Environment& environment, const ErrorGoal& goal) const;
 
   // Throws UsageError for an error or time that is not above 0, and what rendering throws. Heeds interruption between pictures.
