@@ -1,6 +1,7 @@
 #include "cli/relight/make_pictures.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/file.h"
@@ -8,6 +9,23 @@
 #include "core/progress.h"
 
 namespace lightstage::cli {
+
+namespace {
+
+// Half floats, which files hold, reach from 2^-14 (below it they lose digits) to 65504.
+void look_at_range(const core::Image& picture, const std::filesystem::path& file) {
+  constexpr float kMost = 65504, kLeast = 0x1p-14F;
+  const auto values = picture.values();
+  if (!std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); }))
+    throw core::BadInput(file.string() + ": the light is too bright for a picture of it; make it dimmer");
+  const float largest = *std::max_element(values.begin(), values.end());
+  if (largest > kMost)
+    core::warn(file.string() + ": the light is so bright that values above 65504 are cut off there; make it dimmer");
+  if (largest > 0 && largest < kLeast)
+    core::warn(file.string() + ": the light is so dim that digits are lost; make it brighter");
+}
+
+}  // namespace
 
 void find_made_pictures(std::vector<PictureJob>& jobs, const PicturePlace& place, const PictureFiles& files) {
   for (PictureJob& job : jobs) {
@@ -52,6 +70,7 @@ std::vector<MadePicture> make_pictures(
       }
       core::throw_if_interrupted();
       FramePicture picture = pictures->picture(job.sequence.rig.frame(frame));
+      look_at_range(picture.image, file);
       if (!job.stops) job.stops = relight::auto_exposure_stops(picture.image, mask);
       const auto written =
           files.write(file, picture.image, *job.stops, job.recipe.of_frame(frame), job.recipe.origin());
