@@ -41,10 +41,13 @@ std::size_t picture_count(const std::vector<Sequence>& all) {
 // A folder protects what is in it; a file with a name of its own is written over.
 void require_no_input(const PicturePlace& place, const std::vector<Sequence>& all) {
   for (const Sequence& sequence : all) {
-    std::error_code not_there;
-    if (sequence.rig.environment &&
-        std::filesystem::equivalent(place.path(), sequence.rig.environment->file, not_there))
-      throw core::UsageError("--out: '" + place.path().string() + "' is the environment itself");
+    if (place.is_folder() || !sequence.rig.environment) continue;
+    const relight::WrittenPicture written = relight::picture_files(place.path());
+    for (const std::filesystem::path& file : {written.exr, written.png}) {
+      std::error_code not_there;
+      if (std::filesystem::equivalent(file, sequence.rig.environment->file, not_there))
+        throw core::UsageError("--out: '" + file.string() + "' is the environment itself");
+    }
   }
 }
 

@@ -135,7 +135,7 @@ EnvironmentPlanner::EnvironmentPlanner(const CapturedKnowledge& captured, const 
   colours_ = captured.interpolation->captured_colours(lights);
   nothing_.picture_rms = root_mean_square(captured.differences.picture(colours_));
   if (!(nothing_.picture_rms > 0)) return;
-  nothing_.smooth_variance = expected_smooth_variance();
+  nothing_.smooth_variance = nothing_.unsampled_smooth_variance = expected_smooth_variance();
   const core::Image picture = picture_of(scan_, colours_);
   const auto per_square = [&](const core::Image& difference) {
     return dssim_per_square(picture, difference, scan_.mask());

@@ -29,7 +29,8 @@ struct Plan {
 
   // Squares of the root mean square error that is expected to stay, in linear radiance: of light that is left out or represented, and of the smooth part.
   ByPlace variance_left;
-  double smooth_variance = 0;
+  double smooth_variance = 0;            // with the samples of the remainder, where there are any
+  double unsampled_smooth_variance = 0;  // without them
   double picture_rms = 0;  // of the picture without synthesis; 0 where it is black, and nothing needs to be done
   // DSSIM over the square of the relative error, for small errors of either kind.
   ByPlace dssim_per_square;

@@ -36,6 +36,11 @@ std::size_t lit_pixels(const Environment& environment) {
   return lit;
 }
 
+// A plan of as many pictures as the exhaustive answer has is no plan.
+bool is_exhaustive(const Plan& plan, const Environment& environment) {
+  return plan.pictures() > 0 && plan.pictures() >= lit_pixels(environment);
+}
+
 EnvironmentReport exhaustive(const model::LightInterpolator& method, const Environment& environment) {
   RelightReport relit = relight_lights(method, environment.lights(0));
   EnvironmentReport report;
@@ -82,7 +87,14 @@ EnvironmentRelighter::EnvironmentRelighter(const model::LightInterpolator& metho
 
 Plan EnvironmentRelighter::plan(const Environment& environment, const ErrorGoal& goal) const {
   require_positive(goal.error, "an error");
-  return captured_ ? EnvironmentPlanner(*captured_, method_.scan(), environment).within(goal) : Plan();
+  if (!captured_) return {};
+  Plan plan = EnvironmentPlanner(*captured_, method_.scan(), environment).within(goal);
+  if (is_exhaustive(plan, environment)) {
+    plan = Plan();
+    plan.synthesised = environment.lights(0);
+    plan.saved.resize(plan.synthesised.size());
+  }
+  return plan;
 }
 
 EnvironmentReport EnvironmentRelighter::relight(const Environment& environment, const Goal& goal) const {
@@ -108,14 +120,15 @@ EnvironmentReport EnvironmentRelighter::within(const Environment& environment, c
   const EnvironmentPlanner planner(*captured_, method_.scan(), environment);
   const double seconds_planning = stopwatch.seconds();
   PlanExecution execution(*captured_, method_, planner.captured_colours());
-  const std::size_t all = lit_pixels(environment);
   constexpr int kRounds = 3;  // one is mostly enough; a round more where errors turn out to be larger than expected
   ByPlace scale = kAlike;
   EnvironmentReport report;
   for (int round = 0; round < kRounds; ++round) {
     Plan plan = planner.within(goal, scale);
-    if (plan.pictures() > 0 && plan.pictures() >= all) {
+    if (is_exhaustive(plan, environment)) {
       report = exhaustive(method_, environment);
+      report.directions_synthesised += execution.directions_synthesised();
+      report.seconds_synthesising += execution.seconds();
       break;
     }
     core::Image image = execution.carry_out(plan);

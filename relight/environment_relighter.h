@@ -16,7 +16,8 @@
 //
 // What is left out by the last three is importance-sampled where that pays: an unbiased estimate of it, which is added as far as it stands out from its
 // own noise (James and Stein 1961, "Estimation with quadratic loss"). Energy is kept by construction: L's weights sum to 1, and D of a subject that looks
-// the same under all lights is 0; and since a constant map is smooth, its picture is the sum of the captured pictures times their solid angles, whatever the method.
+// the same under all lights is 0; and since a constant map is smooth, its picture is the sum of the captured pictures times their solid angles, whatever the method, but for
+// what comes through holes of the stage: there the captured lights say nothing, and what the method says of it counts.
 #pragma once
 
 #include <memory>
@@ -56,7 +57,8 @@ class EnvironmentRelighter {
   // Looks at every image of the scan once. The method must outlive this.
   explicit EnvironmentRelighter(const model::LightInterpolator& method);
 
-  // What relight would do first, before it has seen a synthesised picture; nothing for methods with linear weights. Throws as relight.
+  // What relight would do first, before it has seen a synthesised picture: every lit pixel where a plan would take as many; nothing for methods with
+  // linear weights. Throws as relight.
   Plan plan(const Environment& environment, const ErrorGoal& goal) const;
 
   // Throws UsageError for an error or time that is not above 0, and what rendering throws. Heeds interruption between pictures.

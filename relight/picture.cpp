@@ -22,10 +22,11 @@ WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView 
                            "': pictures are written as .exr (with a .png beside it); end the name in .exr");
   if (!std::isfinite(stops)) throw core::UsageError("an exposure must be a finite number of stops");
   const WrittenPicture written = picture_files(path);
-  core::write_image(written.png, core::expose(linear, stops));
+  const core::Image shown = core::expose(linear, stops);
   core::replace_file_atomically(written.exr, [&](const std::filesystem::path& temporary) {
     core::write_image(temporary, linear);
     if (finished) finished(temporary);
+    core::write_image(written.png, shown);
   });
   return written;
 }

@@ -15,9 +15,9 @@ struct WrittenPicture {
 // The names: that of the EXR and of the PNG beside it.
 WrittenPicture picture_files(const std::filesystem::path& exr);
 
-// Writes `path` (.exr) with the linear values in half floats, and before it, beside it, a PNG of the same name: the image
+// Writes `path` (.exr) with the linear values in half floats, and before it has its name, beside it, a PNG of the same name: the image
 // times 2^stops, clipped to [0, 1], sRGB-encoded, 8 bits. Readers see whole files only. `finished`, if any, is called
-// with the EXR's temporary name when its bytes are final, just before it gets its own, which it does not when that throws.
+// with the EXR's temporary name when its bytes are final, before the PNG is written; neither appears when that throws.
 // Throws UsageError for another extension, and as core::write_image.
 WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView linear, double stops,
                              const std::function<void(const std::filesystem::path& exr)>& finished = {});

@@ -106,6 +106,7 @@ void PlanExecution::add_remainder(Plan& plan, model::PictureSum& sum, const Dead
   for (const DistantLight& light : plan.remainder) {
     if (late(deadline)) {  // some of the samples say nothing of the whole
       plan.remainder.clear();
+      plan.smooth_variance = plan.unsampled_smooth_variance;
       return;
     }
     noise += add(light, estimate, colours);

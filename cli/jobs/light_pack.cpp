@@ -40,10 +40,10 @@ std::uintmax_t bytes_of(const db::Store& store, const std::vector<db::ProductIma
 }
 
 PackInfo info_of(const db::Store& store, const db::Product& product) {
-  const auto json = nlohmann::json::parse(product.parameters);
-  if (json.value("format", 0) != kFormat)
-    throw broken(store, product, "was written by another version of this program");
   try {
+    const auto json = nlohmann::json::parse(product.parameters);
+    if (json.value("format", 0) != kFormat)
+      throw broken(store, product, "was written by another version of this program");
     return {.id = product.id,
             .asked_error = json.at("asked_error").get<double>(),
             .rank = json.at("rank").get<std::size_t>(),
@@ -128,6 +128,7 @@ std::unique_ptr<relight::PackedScan> load_pack(const db::Store& store, const db:
   const auto product = store.newest_product(kKind, scan_id);
   if (!product) throw core::StoreError("scan '" + scan.scan.name() + "' has no pack");
   const PackInfo info = info_of(store, *product);
+  if (info.rank > product->images.size()) throw broken(store, *product, "lacks basis pictures");
   const std::size_t lights = scan.scan.light_count();
   relight::LightPack pack;
   pack.errors = info.errors;

@@ -1,6 +1,7 @@
 #include "cli/relight/environment_options.h"
 
 #include <cmath>
+#include <cstdint>
 
 #include <CLI/CLI.hpp>
 
@@ -63,6 +64,10 @@ std::pair<int, int> EnvironmentOptions::map_size() const {
   }
   if (sides.size() != 2 || pixels.size() != 2)
     throw core::UsageError("--size: '" + size + "' is not WIDTHxHEIGHT in pixels, such as 256x128");
+  constexpr std::int64_t kMostPixels = 16384 * 8192;  // 1.6 GB
+  if (std::int64_t(pixels[0]) * pixels[1] > kMostPixels)
+    throw core::UsageError("--size: '" + size + "' is more than the " + std::to_string(kMostPixels) +
+                           " pixels (16384x8192) that a map may have");
   return {pixels[0], pixels[1]};
 }
 

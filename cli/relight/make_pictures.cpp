@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 
 #include "cli/relight/watched_synthesis.h"
 #include "core/error.h"
@@ -63,6 +64,19 @@ class Telling {
   std::optional<core::Progress> progress_;
 };
 
+// Half floats, which files hold, reach from 2^-14 (below it they lose digits) to 65504.
+void look_at_range(const core::Image& picture, const std::filesystem::path& file) {
+  constexpr float kMost = 65504, kLeast = 0x1p-14F;
+  const auto values = picture.values();
+  if (!std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); }))
+    throw core::BadInput(file.string() + ": the light is too bright for a picture of it; make it dimmer");
+  const float largest = *std::max_element(values.begin(), values.end());
+  if (largest > kMost)
+    core::warn(file.string() + ": the light is so bright that values above 65504 are cut off there; make it dimmer");
+  if (largest > 0 && largest < kLeast)
+    core::warn(file.string() + ": the light is so dim that digits are lost; make it brighter");
+}
+
 }  // namespace
 
 void find_made_pictures(std::vector<PictureJob>& jobs, const PicturePlace& place, const PictureFiles& files) {
@@ -111,6 +125,7 @@ std::vector<MadePicture> make_pictures(
       const relight::RigFrame lights = job.sequence.rig.frame(frame);
       telling.begin(pictures_for(lights, options.samples, *interpolator));
       FramePicture picture = pictures->picture(lights);
+      look_at_range(picture.image, file);
       if (!job.stops) job.stops = relight::auto_exposure_stops(picture.image, mask);
       const auto written =
           files.write(file, picture.image, *job.stops, job.recipe.of_frame(frame), job.recipe.origin());

@@ -75,13 +75,19 @@ db::ContentHash PictureFiles::making(const ordered_json& recipe, const db::NewPr
 }
 
 std::optional<double> PictureFiles::made_already(const std::filesystem::path& exr, const ordered_json& recipe) const {
-  if (!std::filesystem::exists(exr)) return std::nullopt;
+  const std::filesystem::path png = relight::picture_files(exr).png;
+  if (!std::filesystem::exists(exr)) {
+    // Where this program was killed between the two files, or an .exr was removed, the picture is on record.
+    if (std::filesystem::exists(png) && !entries_.contains(name_on_record(exr)))
+      throw core::UsageError(png.string() + " was not made by this command; remove it, or choose another --out");
+    return std::nullopt;
+  }
   const db::ContentHash wanted = making(recipe, product_, core::kVersion);
   const std::string hash = db::hash_file(exr).hex();
   const auto [first, last] = entries_.equal_range(name_on_record(exr));
   for (auto entry = first; entry != last; ++entry) {
     if (entry->second.file_hash != hash || entry->second.making != wanted) continue;
-    if (!std::filesystem::exists(relight::picture_files(exr).png)) return std::nullopt;
+    if (!std::filesystem::exists(png)) return std::nullopt;
     return entry->second.stops;
   }
   throw core::UsageError(exr.string() +

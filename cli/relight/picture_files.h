@@ -43,7 +43,8 @@ class PictureFiles {
                const std::filesystem::path& folder);
 
   // The stops of the PNG, where this very file (by its hash, and with its PNG) is on record as made by this recipe; nothing
-  // where there is no file. Throws UsageError for a file that is there and was made otherwise or changed since.
+  // where there is no file. Throws UsageError for a file that is there and was made otherwise or changed since, and for a PNG
+  // alone that is not on record: it is somebody else's.
   std::optional<double> made_already(const std::filesystem::path& exr, const nlohmann::ordered_json& recipe) const;
 
   // Writes the picture (as relight::write_picture) and enters it. The entry is in the store before the file has its name, so

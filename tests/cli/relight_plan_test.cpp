@@ -161,6 +161,7 @@ TEST_CASE("goals that contradict each other, or make no sense, are refused", "[r
   refused({"--env", sky, "--budget", "-2s", "--out", out}, 2, {"--budget", "20s"});
   refused({"--env", sky, "--quality", "best", "--out", out}, 2, {"--quality"});
   refused({"--env", sky, "--size", "256", "--out", out}, 2, {"--size", "256x128"});
+  refused({"--env", sky, "--size", "32768x32768", "--out", out}, 2, {"--size", "32768x32768", "16384x8192"});
   refused({"--env", sky, "--size", "0x4", "--out", out}, 2, {"--size"});
   refused({"--light", "0,0", "--error", "0.01", "--out", out}, 2, {"for environments"});
   refused({"--light", "0,0", "--explain"}, 2, {"for environments"});

@@ -231,6 +231,42 @@ TEST_CASE("several environments in one run, each at its own exposure") {
   CHECK_FALSE(fs::exists(studio / "x"));
 }
 
+TEST_CASE("pictures that others made are never written over, nor are maps that are PNGs") {
+  const Studio studio;
+  core::write_image(studio / "map.png", core::Image(4, 8, 3));
+  fs::create_directory(studio / "mine");
+  fs::copy_file(studio / "map.png", studio / "mine/sky.png");
+  const std::string mine = test::fingerprint(studio / "mine");
+  studio.refused({"--env", studio / "map.png", "--method", "linear", "--out", studio / "map.exr"}, 2,
+                 {"map.png", "the environment itself"});
+  studio.refused({"--env", studio / "map.png", "--method", "linear", "--out", studio / ""}, 2, {"map.png", "remove"});
+  studio.refused({"--env", studio / "sky.exr", "--method", "linear", "--out", studio / "mine/"}, 2,
+                 {"sky.png", "remove"});
+  CHECK(core::read_image(studio / "map.png").size() == core::ImageSize{4, 8, 3});
+  CHECK(test::fingerprint(studio / "mine") == mine);
+  CHECK_FALSE(fs::exists(studio / "map.exr"));
+}
+
+TEST_CASE("light that a picture cannot hold is refused or said") {
+  const Studio studio;
+  const auto under = [&](float radiance) {
+    core::Image map(4, 8, 3);
+    std::fill(map.values().begin(), map.values().end(), radiance);
+    core::write_image(studio / "even.hdr", map);
+    return studio.run({"relight", "ball", "--env", studio / "even.hdr", "--method", "linear", "--out",
+                       studio / "even.exr", "--json"});
+  };
+  CHECK(under(1).err.empty());
+  CHECK_THAT(under(1e6F).err, Catch::Contains("even.exr") && Catch::Contains("65504"));
+  CHECK_THAT(under(1e-6F).err, Catch::Contains("digits are lost"));
+  std::ofstream(studio / "bright.toml") << "[environment]\nfile = \"even.hdr\"\nexposure_ev = 60\n";
+  under(1e30F);
+  studio.refused(
+      {"--rig", studio / "bright.toml", "--method", "linear", "--exposure", "0", "--out", studio / "bright.exr"}, 3,
+      {"bright.exr", "too bright"});
+  CHECK_FALSE(fs::exists(studio / "bright.png"));
+}
+
 TEST_CASE("a rig with a moving light and an environment is the sum of what each gives") {
   const Studio studio;
   std::ofstream(studio / "moving.toml") << R"(

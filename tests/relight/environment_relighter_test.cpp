@@ -106,6 +106,23 @@ double largest_difference(const Image& a, const Image& b) {
 
 }  // namespace
 
+TEST_CASE("where a plan would take as many pictures as the map has lit pixels, plan and answer are exhaustive",
+          "[planner]") {
+  Image map(4, 8, 3);
+  map(1, 2, 0) = 2;
+  map(2, 7, 1) = 1;
+  const Environment environment(map);
+  const ErrorGoal goal{1e-7};
+  const relight::Plan plan = relighter().plan(environment, goal);
+  CHECK(plan.synthesised.size() == 2);
+  CHECK(plan.remainder.empty());
+  CHECK(plan.expected_error(ErrorMeasure::kDssim) == 0);
+  const EnvironmentReport report = relighter().relight(environment, goal);
+  CHECK(report.directions_synthesised == 2);
+  CHECK(report.dssim_estimate == 0);
+  CHECK(largest_difference(report.image, exhaustive(environment)) == 0);
+}
+
 TEST_CASE("the exhaustive answer is every lit pixel's picture times its light", "[planner]") {
   Image map(4, 8, 3);
   map(1, 2, 0) = 2;

@@ -1,6 +1,7 @@
 // Each thing that relighting by plan leaves out, put back: what it saves, and what it costs.
 #include <algorithm>
 #include <catch2/catch.hpp>
+#include <chrono>
 #include <cmath>
 
 #include "model/classical.h"
@@ -140,6 +141,22 @@ TEST_CASE("samples of the remainder take off what is wrong everywhere a little",
   INFO(plan.remainder.size() << " samples: " << sampled << " with, " << wrong << " without");
   CHECK(sampled < 0.7 * wrong);
   CHECK(sampled <= 0.004);
+}
+
+TEST_CASE("samples that there was no time for are not counted as taken", "[savings]") {
+  Image even(16, 32, 3);
+  std::fill(even.values().begin(), even.values().end(), 1.0F);
+  const EnvironmentPlanner planner(captured(), subject().scan(), Environment(even));
+  const double without = planner.at_most(0).expected_error(ErrorMeasure::kRelativeRms);
+  Plan plan = planner.within(ErrorGoal{0.004, ErrorMeasure::kRelativeRms});
+  REQUIRE_FALSE(plan.remainder.empty());
+  plan.smooth_variance = plan.unsampled_smooth_variance / 4;  // what the samples promise
+  REQUIRE(plan.expected_error(ErrorMeasure::kRelativeRms) < 0.9 * without);
+  PlanExecution execution(captured(), subject(), planner.captured_colours());
+  execution.carry_out(plan, std::chrono::steady_clock::now());
+  CHECK(execution.directions_synthesised() == 0);
+  CHECK(plan.pictures() == 0);
+  CHECK(plan.expected_error(ErrorMeasure::kRelativeRms) == Approx(without));
 }
 
 TEST_CASE("samples are an unbiased estimate: weighted by the light that they stand for, they have all of it",
