@@ -129,6 +129,22 @@ TEST_CASE_METHOD(Fixture, "aligned images come first, and are free of ambient li
                     "run `lightstage align` again"));
 }
 
+TEST_CASE_METHOD(Fixture, "frames that the alignment excludes are left out") {
+  put_all();
+  calibrate();
+  db::NewProduct product;
+  product.kind = "alignment";
+  product.scan_id = scan_id;
+  product.images = {{"aligned", 2, store.put_object(constant(1)), 0},
+                    {"excluded", 4, store.put_object(constant(2)), 0},
+                    {"confidence", 4, store.put_object(constant(1, 1)), 0},
+                    {"aligned", 5, store.put_object(constant(3)), 0}};
+  store.add_product(product);
+  const db::LoadedScan loaded = db::load_scan(store, "head");
+  CHECK(loaded.light_index == std::vector<int>{5, 8});
+  CHECK((*loaded.scan.image(1))(0, 0, 0) > 2.0F / 3);
+}
+
 TEST_CASE_METHOD(Fixture, "the mask of the scan is the newest one") {
   put_all();
   calibrate();
