@@ -103,16 +103,20 @@ std::vector<std::string> objections(std::span<const Agreement> frames, int longe
     if (frame.motion_px > farthest) {
       result[f] =
           "moved " + rounded(frame.motion_px) + " px, farther than the " + rounded(farthest) + " px that can be undone";
-    } else if (comparable && frame.residual > std::max(kLeastOverall, kMostTimesOverall * usual)) {
-      result[f] = "does not resemble the key frame";
     } else if (frame.believed < kLeastBelieved) {
       result[f] = "cannot be followed: only " + rounded(100 * frame.believed) + " % of the subject is found again";
     } else if (comparable) {
-      int changed = 0;
+      std::size_t changed = 0, cells = 0;
       for (std::size_t i = 0; i < usual_in_cell.size(); ++i) {
+        cells += usual_in_cell[i] > 0;
         changed += double(frame.difference.values()[i]) > std::max(kLeastInCell, kMostTimesInCell * usual_in_cell[i]);
       }
-      if (changed > 0) result[f] = "changed in places, as by a blink or an expression";
+      const bool on_the_whole = frame.residual > std::max(kLeastOverall, kMostTimesOverall * usual);
+      if (4 * changed > cells || (changed == 0 && on_the_whole)) {
+        result[f] = "does not resemble the key frame";
+      } else if (changed > 0) {
+        result[f] = "changed in places, as by a blink or an expression";
+      }
     }
   }
   return result;

@@ -28,9 +28,9 @@ constexpr double kFarthestMotionPx = 32;
 
 // Why a tracking frame is not to be used, in words, in the order of `frames`; empty for those that agree:
 // - "moved ...": farther than can be undone;
-// - "does not resemble the key frame": on the whole more than 3 times as different as most frames;
 // - "cannot be followed": not even half of the subject is found there and back;
-// - "changed in places, ...": a cell differs more than 4 times as much as it mostly does, which is how blinks and expressions show.
+// - "changed in places, ...": cells differ more than 4 times as much as they mostly do, which is how blinks and expressions show;
+// - "does not resemble the key frame": more than a quarter of the cells do, or the whole by more than 3 times without any cell that does.
 // Differences below a just visible one (0.04 overall, 0.1 in a cell) are never held against a frame, nor are frames judged by others when
 // there are fewer than 3. `longer_side` of the pictures in pixels.
 std::vector<std::string> objections(std::span<const Agreement> frames, int longer_side);

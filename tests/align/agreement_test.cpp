@@ -60,6 +60,7 @@ TEST_CASE("swaying raises no alarm, a blink, a stranger and a leap do") {
   const std::vector<std::string> found = objections(frames, kSize);
   CHECK(found[2] == "changed in places, as by a blink or an expression");
   CHECK_FALSE(found[5].empty());
+  CHECK(found[5] != found[2]);
   for (const std::size_t i : {0, 1, 3, 4, 6, 7}) CHECK(found[i].empty());
 }
 
