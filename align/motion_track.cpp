@@ -46,6 +46,18 @@ std::array<double, 3> parabola_end_slope(double h0, double h1) {
   return {-(2 * h0 + h1) / (h0 * (h0 + h1)), (h0 + h1) / (h0 * h1), -h0 / (h1 * (h0 + h1))};
 }
 
+std::vector<float> lengths_within(const FlowField& flow, core::ImageView mask, const std::string& what) {
+  if (flow.channels() != 2) throw core::BadInput(what + ": a flow needs two channels");
+  require_mask_of(mask, flow.size(), what);
+  std::vector<float> lengths;
+  for (int y = 0; y < flow.height(); ++y) {
+    for (int x = 0; x < flow.width(); ++x) {
+      if (inside(mask, y, x)) lengths.push_back(std::hypot(flow(y, x, 0), flow(y, x, 1)));
+    }
+  }
+  return lengths;
+}
+
 }  // namespace
 
 void MotionTrack::add(core::Nanoseconds time, FlowField flow, core::Image confidence) {
@@ -161,18 +173,14 @@ void MotionTrack::forget_before(core::Nanoseconds time) {
 }
 
 double median_motion_px(const FlowField& flow, core::ImageView mask) {
-  if (flow.channels() != 2) throw core::BadInput("median motion: a flow needs two channels");
-  require_mask_of(mask, flow.size(), "median motion");
-  std::vector<float> lengths;
-  for (int y = 0; y < flow.height(); ++y) {
-    for (int x = 0; x < flow.width(); ++x) {
-      if (inside(mask, y, x)) lengths.push_back(std::hypot(flow(y, x, 0), flow(y, x, 1)));
-    }
-  }
-  if (lengths.empty()) return 0;
-  const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
-  std::nth_element(lengths.begin(), middle, lengths.end());
-  return double(*middle);
+  const std::vector<float> lengths = lengths_within(flow, mask, "median motion");
+  return lengths.empty() ? 0 : core::quantile(lengths, 0.5);
+}
+
+bool stands_still(const FlowField& flow, core::ImageView mask) {
+  constexpr double kMedianPx = 0.02, kMostPx = 0.08;
+  const std::vector<float> lengths = lengths_within(flow, mask, "standing still");
+  return lengths.empty() || (core::quantile(lengths, 0.5) < kMedianPx && core::quantile(lengths, 0.95) < kMostPx);
 }
 
 double residual(core::ImageView reference, core::ImageView warped, core::ImageView mask) {

@@ -24,6 +24,8 @@ constexpr int kRounds = 5;
 // Motion beyond this share of the longer side is not drift.
 constexpr double kFarthest = 0.08;
 constexpr double kLeastCorrelation = 0.25;
+// Of the residual; where more is left, what was found is what wandering shadows look like, not motion.
+constexpr double kMostLeft = 0.9;
 
 struct Contrast {
   cv::Mat_<float> picture;  // about 0, mostly within -3 to 3
@@ -159,15 +161,38 @@ class Group {
       }
     });
     motions_.assign(lights_.size(), {});
+    measure_in_place(result);
+    if (!improved(result)) stay(result);
+    return result;
+  }
+
+ private:
+  void measure_in_place(std::vector<Registered>& result) const {
     each([&](std::size_t i) {
       const cv::Mat_<float> expected = expected_of(i);
       result[i].correlation_before = correlation(expected, contrasts_[i].picture, contrasts_[i].lit);
       result[i].residual_before_px = shrink_ * flow_length(expected, contrasts_[i].picture, contrasts_[i].lit);
     });
-    return result;
   }
 
- private:
+  static bool improved(const std::vector<Registered>& pictures) {
+    std::vector<float> before, after;
+    for (const Registered& picture : pictures) {
+      if (!picture.objection.empty()) continue;
+      before.push_back(float(picture.residual_before_px));
+      after.push_back(float(picture.residual_after_px));
+    }
+    return !before.empty() && core::quantile(after, 0.5) < kMostLeft * core::quantile(before, 0.5);
+  }
+
+  static void stay(std::vector<Registered>& pictures) {
+    for (Registered& picture : pictures) {
+      picture.motion = {};
+      picture.residual_after_px = picture.residual_before_px;
+      picture.correlation_after = picture.correlation_before;
+    }
+  }
+
   template <typename Work>
   void each(const Work& work) const {
     core::parallel_for(lights_.size(), 1, [&](std::size_t first, std::size_t last) {

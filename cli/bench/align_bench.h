@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
+#include <map>
 #include <memory>
 #include <vector>
 
@@ -32,9 +34,11 @@ class MovingPass {
   const core::Image& coverage() const { return coverage_; }
   double motion_px() const { return motion_px_; }  // reached
 
-  core::Image tracking_frame(int frame) const;                 // under all lights
+  // Rendered once each.
+  const core::Image& tracking_frame(int frame) const;  // under all lights
+  const align::FlowField& true_flow(int frame) const;  // from the key pose; NaN off the subject
+
   core::Image light_frame(int frame) const;                    // under the light of that index
-  align::FlowField true_flow(int frame) const;                 // from the key pose; NaN off the subject
   core::OlatScan scan(std::vector<core::Image> images) const;  // of the pass's lights
   // Without noise, in the key pose.
   std::vector<core::Image> truth(const std::vector<core::Direction>& directions) const;
@@ -46,6 +50,7 @@ class MovingPass {
   std::unique_ptr<sim::World> world_;
   core::Image coverage_;
   double motion_px_ = 0;
+  mutable std::map<int, core::Image> tracking_frames_, true_flows_;
 };
 
 struct AlignKnobs {
@@ -72,9 +77,24 @@ struct BlendingGain {
 };
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions);
 
+// Registration of photographed faces under different lights, each of which moved a little between frames. Lists of pictures that their
+// importer leaves out are left out here too.
+struct FacesRow {
+  std::string name;
+  std::size_t pictures = 0, objected = 0;
+  double median_motion_px = 0;  // undone
+  double residual_before_px = 0,
+         residual_after_px = 0;  // median over pictures of the flow from what their neighbours predict
+  double sharpness_gain = 1;     // mean squared gradient of the mean picture, after over before
+  double injected_median_px = 0, injected_p95_px = 0;  // error with which known further shifts of up to 2 px are found
+  core::Image mean_before, mean_after;
+};
+FacesRow register_faces(const std::filesystem::path& yale_folder);
+
 // What alignment does to a subject that stands still: length of the flow over the subject, in pixels.
 struct StillRow {
   double median_px = 0, p95_px = 0;
+  double raw_p95_px = 0;  // before it is recognised as standing still
 };
 StillRow still_subject(const MovingPassOptions& options, const AlignKnobs& knobs);
 

@@ -116,7 +116,11 @@ class CameraAlignment {
           align::FlowField back = own.flow;
           if (i != key_) {
             own.flow = align::compute_flow(key, own.picture, options_.preset, options_.shrink);
-            back = align::compute_flow(own.picture, key, options_.preset, options_.shrink);
+            if (align::stands_still(own.flow, mask)) {
+              own.flow = back;
+            } else {
+              back = align::compute_flow(own.picture, key, options_.preset, options_.shrink);
+            }
           }
           own.confidence = align::flow_confidence(own.flow, back);
           tracking_frames_[i].residual_before = align::residual(key, own.picture, mask);
@@ -297,7 +301,8 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                                    [](const db::Step& step) { return step.kind == db::StepKind::kTracking; });
   if (!tracked) {
     throw core::UsageError("scan '" + scan.name +
-                           "' has no tracking frames to align by; capture with --tracking-every");
+                           "' has no tracking frames to align by; capture with --tracking-every, or give --robust, "
+                           "which registers pictures under different lights and is weaker");
   }
   AlignReport report;
   for (const std::string& camera : scan.cameras) {

@@ -160,6 +160,22 @@ TEST_CASE("median motion is over the mask") {
   CHECK_THROWS_AS(median_motion_px(core::Image(2, 3, 1), {}), core::BadInput);
 }
 
+TEST_CASE("what noise makes of a subject that stands still is told from motion") {
+  const test::Texture texture(7);
+  const core::Image reference = test::picture_of(texture, 128, 128);
+  const auto found = [&](double dx) {
+    const core::Image other = test::moved_picture_of(texture, 128, 128, [=](double, double) {
+      return std::pair{dx, 0.0};
+    });
+    return compute_flow(test::noisy(reference, 0.4, 1), test::noisy(other, 0.4, 2));
+  };
+  CHECK(stands_still(found(0), {}));
+  CHECK_FALSE(stands_still(found(0.05), {}));
+  CHECK(stands_still(filled(0, 0), {}));
+  CHECK(stands_still(filled(9, 0), core::Image(3, 5, 1)));
+  CHECK_THROWS_AS(stands_still(filled(0, 0), core::Image(3, 4, 1)), core::BadInput);
+}
+
 TEST_CASE("the residual is measured on display-encoded values, over the mask, at the reference's exposure") {
   const core::Image a = test::picture_of(test::Texture(2), 40, 30);
   CHECK(residual(a, a, {}) == 0);

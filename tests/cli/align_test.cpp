@@ -130,3 +130,25 @@ TEST_CASE_METHOD(Pass, "a subject that moves 40 pixels is refused with advice") 
   CHECK(outcome.err.find("--tracking-every") != std::string::npos);
   CHECK(db::Store::open(store).products("alignment").empty());
 }
+
+TEST_CASE("a set without tracking frames is registered on demand, and says that this is weaker") {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path store = folder / "store";
+  const std::string stage = (folder / "stage.toml").string();
+  succeed(store, {"init"});
+  succeed(store, {"stage", "--lights", "40", "--out", stage});
+  succeed(store, {"capture", "--sim", "--procedural", "3", "--stage", stage, "--size", "96", "--tracking-every", "0",
+                  "--name", "head"});
+  const test::Outcome refused = run_program(store, {"align", "head"});
+  CHECK(refused.status == 2);
+  CHECK(refused.err.find("--robust") != std::string::npos);
+  const test::Outcome said = run_program(store, {"align", "head", "--robust"});
+  INFO(said.err);
+  REQUIRE(said.status == 0);
+  CHECK(said.out.find("weaker") != std::string::npos);
+  const auto report = succeed(store, {"align", "head", "--robust"});
+  CHECK(report["aligned"].get<int>() + int(report["excluded"].size()) == 40);
+  CHECK(report["aligned"].get<int>() > 30);
+  CHECK(run_program(store, {"align", "head", "--robust", "--flow", "fast"}).status == 2);
+  CHECK(run_program(store, {"evaluate", "head", "--held-out", "--method", "nearest"}).status == 0);
+}
