@@ -30,9 +30,9 @@ struct Registered {
 // correlation coefficient (Evangelidis and Psarakis 2008). What is compared is local contrast, the logarithm of the luminance free of its
 // local mean and scaled to its local deviation, which changes little with the light. The pose is the mean of all. Weaker than tracking frames:
 // rigid motion in the picture plane only, and shadows that wander with the light count as motion where contrast is poor; on pictures
-// shrunk to 384 pixels, so exact to a share of that. `picture(i)` gives the i-th picture, of one size, 1 or 3 channels; called several
-// times, from several threads. Where registering does not lessen the median residual by a tenth, the pictures stay where they are. The same on any number of threads. Throws BadInput for pictures of different sizes, below 32 pixels or not finite. Fewer than
-// 3 pictures stay where they are.
+// shrunk to 384 pixels, so exact to a share of that. Where registering does not lessen the median residual by a tenth, the pictures stay
+// where they are, as fewer than 3 do. `picture(i)` gives the i-th picture, of one size, 1 or 3 channels; called several times, from several
+// threads. The same on any number of threads. Throws BadInput for pictures of different sizes, below 32 pixels or not finite.
 std::vector<Registered> register_pictures(const std::function<core::Image(std::size_t)>& picture,
                                           std::span<const core::Direction> lights);
 

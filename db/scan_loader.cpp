@@ -134,6 +134,21 @@ core::Image read_mask(const Store& store, const std::optional<Product>& mask) {
   throw core::StoreError(store.folder().string() + ": mask product " + std::to_string(mask->id) + " has no image");
 }
 
+// The mask without what lies outside the picture in a frame of the alignment; as it is where nothing does.
+core::Image without_unseen(const Store& store, core::Image mask, const std::optional<Product>& alignment) {
+  if (!alignment) return mask;
+  for (const ProductImage& image : alignment->images) {
+    if (image.role != "seen") continue;
+    const core::Image seen = store.object(image.object);
+    const auto values = seen.values();
+    if (std::all_of(values.begin(), values.end(), [](float v) { return v > 0; })) return mask;
+    if (mask.empty()) return seen;
+    if (mask.size() != seen.size()) return mask;  // OlatScan says what is wrong with it
+    for (std::size_t i = 0; i < values.size(); ++i) mask.values()[i] *= values[i];
+  }
+  return mask;
+}
+
 }  // namespace
 
 std::vector<Id> LoadedScan::products() const {
@@ -166,7 +181,8 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
   auto loader = [objects = ObjectFiles(store.folder()), sources, dark](std::size_t i) {
     return read_light(objects, (*sources)[i], *dark);
   };
-  return LoadedScan{core::OlatScan(scan.name, std::move(lights), size, read_mask(store, mask), std::move(loader)),
+  return LoadedScan{core::OlatScan(scan.name, std::move(lights), size,
+                                   without_unseen(store, read_mask(store, mask), alignment), std::move(loader)),
                     std::move(light_index), known.calibration_id,
                     alignment ? std::optional<Id>(alignment->id) : std::nullopt,
                     mask ? std::optional<Id>(mask->id) : std::nullopt};

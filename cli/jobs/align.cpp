@@ -217,7 +217,9 @@ class CameraAlignment {
     std::size_t next = 0;
     struct Work {
       core::Image picture, confidence;
+      align::FlowField flow;
     };
+    core::Image seen;
     std::map<std::size_t, Work> work;
     in_batches(
         light_frames_.size(),
@@ -230,10 +232,10 @@ class CameraAlignment {
         [&](std::size_t i) {
           Work& own = work.at(i);
           const core::Nanoseconds time = light_frames_[i].time;
-          const align::FlowField flow = motion.at(time);
-          own.picture = align::warp(own.picture, flow);
+          own.flow = motion.at(time);
+          own.picture = align::warp(own.picture, own.flow);
           own.confidence = motion.confidence_at(time);
-          align::clear_outside(own.confidence, flow);
+          align::clear_outside(own.confidence, own.flow);
         },
         [&](std::size_t i) {
           const TimedFrame& light = light_frames_[i];
@@ -251,12 +253,18 @@ class CameraAlignment {
                                     .value = value});
           if (used) {
             ++report.aligned;
+            if (seen.empty()) {
+              seen = core::Image(work.at(i).picture.height(), work.at(i).picture.width(), 1);
+              std::fill(seen.values().begin(), seen.values().end(), 1.0F);
+            }
+            align::clear_outside(seen, work.at(i).flow);
           } else {
             report.excluded.push_back({camera_, step, scan_.steps.at(std::size_t(step)).light_index, objection});
           }
           work.erase(i);
           progress.advance();
         });
+    if (!seen.empty()) product.images.push_back({.role = "seen", .index = 0, .object = store_.put_object(seen)});
   }
 
   db::Store& store_;

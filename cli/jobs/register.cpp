@@ -18,6 +18,12 @@ namespace lightstage::cli {
 
 namespace {
 
+core::Image ones(core::ImageSize size) {
+  core::Image image(size.height, size.width, 1);
+  std::fill(image.values().begin(), image.values().end(), 1.0F);
+  return image;
+}
+
 double median_of(std::vector<float> values) {
   return values.empty() ? 0 : core::quantile(values, 0.5);
 }
@@ -64,6 +70,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
   report.residual_after_px = std::max(report.residual_after_px, median_of(after));
 
   const core::Image dark = db::dark_level(store, scan, camera);
+  core::Image seen;  // 1 where every frame that is used shows something
   for (const db::Frame& frame : store.frames(scan.id, camera)) {
     core::throw_if_interrupted();
     const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
@@ -75,7 +82,16 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
     double residual = 0;
     if (objection.empty()) {
       const align::Registered& registered = found[place->second];
-      picture = align::warp(picture, registered.motion.flow(picture.height(), picture.width()));
+      const align::FlowField flow = registered.motion.flow(picture.height(), picture.width());
+      picture = align::warp(picture, flow);
+      core::Image confidence = ones(picture.size());
+      align::clear_outside(confidence, flow);
+      if (seen.empty()) seen = confidence;
+      align::clear_outside(seen, flow);
+      product.images.push_back({.role = "confidence",
+                                .index = frame.step_index,
+                                .object = store.put_object(confidence),
+                                .value = registered.residual_after_px});
       residual = registered.residual_after_px;
       ++report.aligned;
     } else {
@@ -86,6 +102,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
                               .object = store.put_object(picture),
                               .value = residual});
   }
+  if (!seen.empty()) product.images.push_back({.role = "seen", .index = 0, .object = store.put_object(seen)});
 }
 
 }  // namespace
