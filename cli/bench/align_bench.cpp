@@ -79,14 +79,15 @@ double psnr_of(const core::OlatScan& scan, const std::vector<core::Direction>& d
   return -10 * std::log10(sum / double(directions.size()));
 }
 
-// As bright as each other, so that each counts in the mean.
+// As bright as each other, so that each counts in the mean, and dark enough to be seen.
 core::Image mean_of(const std::vector<core::Image>& pictures) {
+  constexpr double kBrightness = 0.3;
   std::vector<core::ImageView> views;
   std::vector<double> weights;
   for (const core::Image& picture : pictures) {
     views.push_back(picture);
     const double level = std::accumulate(picture.values().begin(), picture.values().end(), 0.0);
-    weights.push_back(level > 0 ? double(picture.values().size()) / level / double(pictures.size()) : 0);
+    weights.push_back(level > 0 ? kBrightness * double(picture.values().size()) / level / double(pictures.size()) : 0);
   }
   return core::weighted_sum(views, weights);
 }

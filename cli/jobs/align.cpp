@@ -74,8 +74,11 @@ class CameraAlignment {
  private:
   // Calls compute(i) for the frames of a batch on all threads, then store(i) in order through the one store connection.
   template <typename Load, typename Compute, typename Store>
-  static void in_batches(std::size_t count, const Load& load, const Compute& compute, const Store& store) {
-    const auto batch = std::size_t(core::thread_count());
+  void in_batches(std::size_t count, const Load& load, const Compute& compute, const Store& store) const {
+    // Flow takes about 230 bytes a pixel: of large pictures not as many at a time as there are threads.
+    constexpr std::size_t kPixelsAtATime = 1 << 25;
+    const std::size_t batch = std::clamp<std::size_t>(kPixelsAtATime / std::max<std::size_t>(1, pixels_), 1,
+                                                      std::size_t(core::thread_count()));
     for (std::size_t begin = 0; begin < count; begin += batch) {
       core::throw_if_interrupted();
       const std::size_t end = std::min(count, begin + batch);
@@ -100,6 +103,7 @@ class CameraAlignment {
     const core::Image key = db::load_frame(store_, key_frame->frame, dark_);
     const core::Image mask = align::subject_mask(key);
     longer_side_ = std::max(key.width(), key.height());
+    pixels_ = std::size_t(key.width()) * std::size_t(key.height());
     core::Progress progress("optical flow, " + camera_, tracking_frames_.size());
     struct Work {
       core::Image picture;
@@ -275,7 +279,8 @@ class CameraAlignment {
   std::vector<TrackingFrame> tracking_frames_;  // by time
   std::vector<TimedFrame> light_frames_;        // by time
   std::size_t key_ = 0;                         // of the tracking frames
-  int longer_side_ = 0;
+  int longer_side_ = 0;                         // of the pictures
+  std::size_t pixels_ = 0;
 };
 
 }  // namespace

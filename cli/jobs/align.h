@@ -41,7 +41,7 @@ struct AlignReport {
 // not to be used. Stored as an "alignment" product a camera: images of role "aligned" (index: step; value: residual of the tracking
 // frames around it, in proportion of time), "excluded" in their place for those not to be used, "confidence" (index: step of the aligned
 // frame; one channel, 0 where nothing is known of that place), "flow" and "flow_confidence" (index: tracking step; value: residual), and "seen" (1 where no
-// frame that is used shows what lay outside its picture: loaded scans add it to their mask); its parameters list the excluded with reasons. Takes memory for as many pictures as there are threads, however long the pass. Throws
+// frame that is used shows what lay outside its picture: loaded scans add it to their mask); its parameters list the excluded with reasons. Takes memory for as many pictures as there are threads (fewer where they are large), however long the pass. Throws
 // UsageError for a scan without tracking frames, and BadInput when more than half of a camera's frames could not be used.
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options);
 
