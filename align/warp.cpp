@@ -92,4 +92,17 @@ core::Image warp(core::ImageView picture, const FlowField& flow) {
   return result;
 }
 
+void clear_outside(core::Image& confidence, const FlowField& flow) {
+  if (flow.channels() != 2 || confidence.size() != core::ImageSize{flow.height(), flow.width(), 1}) {
+    throw core::BadInput("a warp's holes: the confidence is not of the flow's size");
+  }
+  for (int y = 0; y < flow.height(); ++y) {
+    for (int x = 0; x < flow.width(); ++x) {
+      if (!inside(x + double(flow(y, x, 0)), flow.width()) || !inside(y + double(flow(y, x, 1)), flow.height())) {
+        confidence(y, x) = 0;
+      }
+    }
+  }
+}
+
 }  // namespace lightstage::align

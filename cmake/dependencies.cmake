@@ -2,7 +2,7 @@
 include(CMakeFindDependencyMacro)
 find_dependency(Threads)
 find_dependency(TBB)
-find_dependency(OpenCV COMPONENTS core imgproc video quality)
+find_dependency(OpenCV COMPONENTS core imgproc video quality optflow)
 find_dependency(OpenImageIO)
 find_dependency(SQLiteCpp)
 find_dependency(embree 3)

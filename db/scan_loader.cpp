@@ -3,9 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "core/error.h"
 #include "core/image_file.h"
+#include "core/progress.h"
 #include "core/text.h"
 #include "db/load/light_image.h"
 #include "db/store/object_files.h"
@@ -67,15 +69,18 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
   std::map<int, const Frame*> frame_of_step;
   for (const Frame& frame : frames) frame_of_step[frame.step_index] = &frame;
   std::map<int, ContentHash> aligned;
+  std::set<int> excluded;
   if (alignment) {
     for (const ProductImage& image : alignment->images) {
       if (image.role == "aligned") aligned[image.index] = image.object;
+      if (image.role == "excluded") excluded.insert(image.index);
     }
   }
   std::vector<LightSource> sources;
   std::map<int, std::size_t> source_of_light;
   for (const Step& step : scan.steps) {
     if (step.kind != StepKind::kLight || !lights.contains(*step.light_index)) continue;
+    if (excluded.contains(step.step_index)) continue;
     const std::string place = "scan '" + scan.name + "', camera '" + camera + "', step " +
                               std::to_string(step.step_index) + " (light " + std::to_string(*step.light_index) + ")";
     const auto frame = frame_of_step.find(step.step_index);
@@ -94,6 +99,10 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
     constexpr double kSecondsPerNanosecond = 1e-9;
     sources[entry->second].shots.push_back(
         {object, double(step.exposure_ns) * kSecondsPerNanosecond, frame->second->saturation});
+  }
+  if (!excluded.empty()) {
+    core::warn("scan '" + scan.name + "', camera '" + camera + "': " + std::to_string(excluded.size()) +
+               " frames could not be aligned and are left out");
   }
   if (sources.empty()) {
     throw core::UsageError("scan '" + scan.name + "' has no frame lit by a single light whose direction is known");
@@ -123,6 +132,21 @@ core::Image read_mask(const Store& store, const std::optional<Product>& mask) {
     if (image.role == "mask") return core::to_luminance(store.object(image.object));
   }
   throw core::StoreError(store.folder().string() + ": mask product " + std::to_string(mask->id) + " has no image");
+}
+
+// The mask without what lies outside the picture in a frame of the alignment; as it is where nothing does.
+core::Image without_unseen(const Store& store, core::Image mask, const std::optional<Product>& alignment) {
+  if (!alignment) return mask;
+  for (const ProductImage& image : alignment->images) {
+    if (image.role != "seen") continue;
+    const core::Image seen = store.object(image.object);
+    const auto values = seen.values();
+    if (std::all_of(values.begin(), values.end(), [](float v) { return v > 0; })) return mask;
+    if (mask.empty()) return seen;
+    if (mask.size() != seen.size()) return mask;  // OlatScan says what is wrong with it
+    for (std::size_t i = 0; i < values.size(); ++i) mask.values()[i] *= values[i];
+  }
+  return mask;
 }
 
 }  // namespace
@@ -157,7 +181,8 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
   auto loader = [objects = ObjectFiles(store.folder()), sources, dark](std::size_t i) {
     return read_light(objects, (*sources)[i], *dark);
   };
-  return LoadedScan{core::OlatScan(scan.name, std::move(lights), size, read_mask(store, mask), std::move(loader)),
+  return LoadedScan{core::OlatScan(scan.name, std::move(lights), size,
+                                   without_unseen(store, read_mask(store, mask), alignment), std::move(loader)),
                     std::move(light_index), known.calibration_id,
                     alignment ? std::optional<Id>(alignment->id) : std::nullopt,
                     mask ? std::optional<Id>(mask->id) : std::nullopt};

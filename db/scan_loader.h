@@ -31,8 +31,9 @@ struct LoadedScan {
 
 // The scan's lights, in the order of their first steps, with their images divided by the light's gain and
 // freed of ambient light (mean of the dark frames, if any; aligned images are free of it already). Several
-// exposures of a light are merged into one image. Lights that the calibration could not place are left out.
-// The mask is the scan's newest "mask" product. Images are read when they are first used, which needs the
+// exposures of a light are merged into one image. Lights that the calibration could not place are left out, and so, with a
+// warning, are frames that the alignment excludes.
+// The mask is the scan's newest "mask" product, less what an alignment moved in from outside the picture. Images are read when they are first used, which needs the
 // store's folder but not this connection. Throws UsageError for an unknown scan or camera, or when neither a calibration nor nominal
 // lights exist (saying what to run); StoreError when frames are missing (naming the first, and `capture
 // --resume`), in the store or in the alignment.

@@ -1,9 +1,12 @@
 #include "cli/jobs/align.h"
 
 #include <algorithm>
+#include <map>
+#include <set>
 
 #include <nlohmann/json.hpp>
 
+#include "align/agreement.h"
 #include "align/subject_mask.h"
 #include "capture/sequence.h"
 #include "cli/options.h"
@@ -17,38 +20,27 @@ namespace lightstage::cli {
 
 namespace {
 
-struct TrackingPoint {
-  core::Nanoseconds time;
-  double residual;  // display values, after warping
-};
-
-// Between two tracking frames, their residuals in proportion of time.
-double residual_at(const std::vector<TrackingPoint>& points, core::Nanoseconds time) {
-  const auto after = std::find_if(points.begin(), points.end(), [&](const TrackingPoint& p) { return p.time >= time; });
-  if (after == points.begin()) return points.front().residual;
-  if (after == points.end()) return points.back().residual;
-  const TrackingPoint& a = *std::prev(after);
-  const double part = double(time - a.time) / double(after->time - a.time);
-  return a.residual + part * (after->residual - a.residual);
-}
-
-const char* to_string(align::FlowPreset preset) {
-  switch (preset) {
-    case align::FlowPreset::kFast:
-      return "fast";
-    case align::FlowPreset::kMedium:
-      return "medium";
-    case align::FlowPreset::kFine:
-      return "fine";
-  }
-  return "";
-}
-
 double median(std::vector<double> values) {
   const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());
   return *middle;
 }
+
+const char* to_string(align::Between between) {
+  return between == align::Between::kLinear ? "linear" : "catmull-rom";
+}
+
+struct TimedFrame {
+  db::Frame frame;
+  core::Nanoseconds time;
+};
+
+struct TrackingFrame : TimedFrame {
+  align::Agreement agreement;
+  double residual_before = 0;
+  db::ContentHash flow, confidence;
+  std::string objection;  // empty: it is used
+};
 
 // One camera: adds its images to the product and its figures to the report.
 class CameraAlignment {
@@ -57,79 +49,226 @@ class CameraAlignment {
       : store_(store), scan_(scan), camera_(camera), options_(options), dark_(db::dark_level(store, scan, camera)) {
     for (const db::Frame& frame : store.frames(scan.id, camera)) {
       const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
-      if (kind == db::StepKind::kTracking) tracking_frames_.push_back(frame);
-      if (kind == db::StepKind::kLight) light_frames_.push_back(frame);
+      if (kind == db::StepKind::kTracking)
+        tracking_frames_.push_back({{frame, pose_time(scan, frame)}, {}, 0, {}, {}, {}});
+      if (kind == db::StepKind::kLight) light_frames_.push_back({frame, pose_time(scan, frame)});
     }
+    const auto by_time = [](const TimedFrame& a, const TimedFrame& b) { return a.time < b.time; };
+    std::stable_sort(tracking_frames_.begin(), tracking_frames_.end(), by_time);
+    std::stable_sort(light_frames_.begin(), light_frames_.end(), by_time);
   }
 
   void run(db::NewProduct& product, AlignReport& report) {
-    track(product, report);
+    track();
+    judge(report);
+    for (const TrackingFrame& tracked : tracking_frames_) {
+      const double after = tracked.agreement.residual;
+      product.images.push_back(
+          {.role = "flow", .index = tracked.frame.step_index, .object = tracked.flow, .value = after});
+      product.images.push_back(
+          {.role = "flow_confidence", .index = tracked.frame.step_index, .object = tracked.confidence, .value = after});
+    }
     warp_light_frames(product, report);
   }
 
  private:
-  void track(db::NewProduct& product, AlignReport& report) {
+  // Calls compute(i) for the frames of a batch on all threads, then store(i) in order through the one store connection.
+  template <typename Load, typename Compute, typename Store>
+  void in_batches(std::size_t count, const Load& load, const Compute& compute, const Store& store) const {
+    // Flow takes about 230 bytes a pixel: of large pictures not as many at a time as there are threads.
+    constexpr std::size_t kPixelsAtATime = 1 << 25;
+    const std::size_t batch = std::clamp<std::size_t>(kPixelsAtATime / std::max<std::size_t>(1, pixels_), 1,
+                                                      std::size_t(core::thread_count()));
+    for (std::size_t begin = 0; begin < count; begin += batch) {
+      core::throw_if_interrupted();
+      const std::size_t end = std::min(count, begin + batch);
+      for (std::size_t i = begin; i < end; ++i) load(i);
+      core::parallel_for(end - begin, 1, [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i) compute(begin + i);
+      });
+      for (std::size_t i = begin; i < end; ++i) store(i);
+    }
+  }
+
+  void track() {
     const int key_step = capture::key_step(scan_.steps);
     const auto key_frame = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
-                                        [&](const db::Frame& f) { return f.step_index == key_step; });
+                                        [&](const TrackingFrame& f) { return f.frame.step_index == key_step; });
     if (key_frame == tracking_frames_.end()) {
       throw core::StoreError("scan '" + scan_.name + "', camera '" + camera_ + "': its key tracking frame (step " +
                              std::to_string(key_step) + ") is missing; run `lightstage capture --resume --name " +
                              scan_.name + "`");
     }
-    const core::Image key = db::load_frame(store_, *key_frame, dark_);
+    key_ = std::size_t(key_frame - tracking_frames_.begin());
+    const core::Image key = db::load_frame(store_, key_frame->frame, dark_);
     const core::Image mask = align::subject_mask(key);
+    longer_side_ = std::max(key.width(), key.height());
+    pixels_ = std::size_t(key.width()) * std::size_t(key.height());
     core::Progress progress("optical flow, " + camera_, tracking_frames_.size());
-    std::vector<double> motions;
-    for (const db::Frame& frame : tracking_frames_) {
-      core::throw_if_interrupted();
-      const core::Image picture = db::load_frame(store_, frame, dark_);
-      align::FlowField flow = frame.step_index == key_step ? align::FlowField(key.height(), key.width(), 2)
-                                                           : align::compute_flow(key, picture, options_.preset);
-      const double after = align::residual(key, align::warp(picture, flow), mask);
-      const core::Nanoseconds time = pose_time(scan_, frame);
-      points_.push_back({time, after});
-      if (frame.step_index != key_step) {
-        motions.push_back(align::median_motion_px(flow, mask));
-        report.residual_before += align::residual(key, picture, mask);
-        report.residual_after += after;
-        ++report.tracking_frames;
-      }
-      product.images.push_back(
-          {.role = "flow", .index = frame.step_index, .object = store_.put_object(flow), .value = after});
-      motion_.add(time, std::move(flow));
-      progress.advance();
+    struct Work {
+      core::Image picture;
+      align::FlowField flow;
+      core::Image confidence;
+    };
+    std::map<std::size_t, Work> work;
+    in_batches(
+        tracking_frames_.size(),
+        [&](std::size_t i) { work[i].picture = db::load_frame(store_, tracking_frames_[i].frame, dark_); },
+        [&](std::size_t i) {
+          Work& own = work.at(i);
+          own.flow = align::FlowField(key.height(), key.width(), 2);
+          align::FlowField back = own.flow;
+          if (i != key_) {
+            own.flow = align::compute_flow(key, own.picture, options_.preset, options_.shrink);
+            if (align::stands_still(own.flow, mask)) {
+              own.flow = back;
+            } else {
+              back = align::compute_flow(own.picture, key, options_.preset, options_.shrink);
+            }
+          }
+          own.confidence = align::flow_confidence(own.flow, back);
+          tracking_frames_[i].residual_before = align::residual(key, own.picture, mask);
+          tracking_frames_[i].agreement = align::agreement_of(key, own.picture, own.flow, own.confidence, mask);
+        },
+        [&](std::size_t i) {
+          tracking_frames_[i].flow = store_.put_object(work.at(i).flow);
+          tracking_frames_[i].confidence = store_.put_object(work.at(i).confidence);
+          work.erase(i);
+          progress.advance();
+        });
+  }
+
+  void judge(AlignReport& report) {
+    std::vector<align::Agreement> others;
+    for (std::size_t i = 0; i < tracking_frames_.size(); ++i) {
+      if (i != key_) others.push_back(tracking_frames_[i].agreement);
     }
-    if (!motions.empty()) {
-      report.median_motion_px = std::max(report.median_motion_px, median(motions));
-      report.largest_motion_px = std::max(report.largest_motion_px, *std::max_element(motions.begin(), motions.end()));
+    std::vector<std::string> objections = align::objections(others, longer_side_);
+    objections.insert(objections.begin() + std::ptrdiff_t(key_), std::string());
+    std::vector<double> motions;
+    for (std::size_t i = 0; i < tracking_frames_.size(); ++i) {
+      TrackingFrame& tracked = tracking_frames_[i];
+      tracked.objection = objections[i];
+      if (!tracked.objection.empty()) {
+        report.excluded.push_back({camera_, tracked.frame.step_index, std::nullopt, tracked.objection});
+      }
+      if (i == key_) continue;
+      motions.push_back(tracked.agreement.motion_px);
+      report.residual_before += tracked.residual_before;
+      report.residual_after += tracked.agreement.residual;
+      report.believed += tracked.agreement.believed;
+      ++report.tracking_frames;
+    }
+    if (motions.empty()) return;
+    report.median_motion_px = std::max(report.median_motion_px, median(motions));
+    report.largest_motion_px = std::max(report.largest_motion_px, *std::max_element(motions.begin(), motions.end()));
+  }
+
+  // The tracking frames around a time.
+  std::pair<const TrackingFrame*, const TrackingFrame*> around(core::Nanoseconds time) const {
+    const auto after = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
+                                    [&](const TrackingFrame& f) { return f.time >= time; });
+    if (after == tracking_frames_.end()) return {&tracking_frames_.back(), &tracking_frames_.back()};
+    if (after == tracking_frames_.begin()) return {&*after, &*after};
+    return {&*std::prev(after), &*after};
+  }
+
+  // Between two tracking frames, their residuals in proportion of time.
+  double residual_at(core::Nanoseconds time) const {
+    const auto [before, after] = around(time);
+    if (before == after) return after->agreement.residual;
+    const double part = double(time - before->time) / double(after->time - before->time);
+    return before->agreement.residual + part * (after->agreement.residual - before->agreement.residual);
+  }
+
+  // Why a frame of that time is not to be used; empty when it is.
+  std::string objection_at(core::Nanoseconds time) const {
+    const auto [before, after] = around(time);
+    for (const TrackingFrame* frame : {before, after}) {
+      if (frame->objection.empty()) continue;
+      return "next to the tracking frame of step " + std::to_string(frame->frame.step_index) + ", where the subject " +
+             frame->objection;
+    }
+    return {};
+  }
+
+  void require_enough(std::size_t unusable) const {
+    if (2 * unusable <= light_frames_.size()) return;
+    const auto worst = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
+                                    [](const TrackingFrame& f) { return !f.objection.empty(); });
+    throw core::BadInput(
+        "scan '" + scan_.name + "', camera '" + camera_ + "': " + std::to_string(unusable) + " of " +
+        std::to_string(light_frames_.size()) + " frames cannot be aligned (tracking frame of step " +
+        std::to_string(worst->frame.step_index) + ": the subject " + worst->objection +
+        "); capture it again, with the head supported, more tracking frames (--tracking-every) or a shorter pass");
+  }
+
+  // Adds the tracking frames' flows, from the next one on, until the motion at `time` cannot change any more.
+  void extend(align::MotionTrack& motion, std::size_t& next, core::Nanoseconds time) const {
+    while (next < tracking_frames_.size() && !(motion.settled_until() && *motion.settled_until() >= time)) {
+      const TrackingFrame& tracked = tracking_frames_[next++];
+      if (!tracked.objection.empty()) continue;
+      motion.add(tracked.time, store_.object(tracked.flow), store_.object(tracked.confidence));
     }
   }
 
   void warp_light_frames(db::NewProduct& product, AlignReport& report) {
+    std::size_t unusable = 0;
+    for (const TimedFrame& light : light_frames_) unusable += !objection_at(light.time).empty();
+    require_enough(unusable);
     core::Progress progress("warping, " + camera_, light_frames_.size());
-    // Warping uses all threads within a batch; reading and storing go in order through the one store connection.
-    const std::size_t batch = std::size_t(4 * core::thread_count());
-    for (std::size_t begin = 0; begin < light_frames_.size(); begin += batch) {
-      core::throw_if_interrupted();
-      const std::size_t end = std::min(light_frames_.size(), begin + batch);
-      std::vector<core::Image> pictures;
-      for (std::size_t i = begin; i < end; ++i) pictures.push_back(db::load_frame(store_, light_frames_[i], dark_));
-      core::parallel_for(pictures.size(), 1, [&](std::size_t first, std::size_t last) {
-        for (std::size_t i = first; i < last; ++i) {
-          pictures[i] = align::warp(pictures[i], motion_.at(pose_time(scan_, light_frames_[begin + i])));
-        }
-      });
-      for (std::size_t i = begin; i < end; ++i) {
-        const db::Frame& frame = light_frames_[i];
-        product.images.push_back({.role = "aligned",
-                                  .index = frame.step_index,
-                                  .object = store_.put_object(pictures[i - begin]),
-                                  .value = residual_at(points_, pose_time(scan_, frame))});
-        ++report.aligned;
-        progress.advance();
-      }
-    }
+    align::MotionTrack motion(options_.between);
+    std::size_t next = 0;
+    struct Work {
+      core::Image picture, confidence;
+      align::FlowField flow;
+    };
+    core::Image seen;
+    std::map<std::size_t, Work> work;
+    in_batches(
+        light_frames_.size(),
+        [&](std::size_t i) {
+          // The first of a batch is the earliest: what lies before is of no more use.
+          if (work.empty()) motion.forget_before(light_frames_[i].time);
+          extend(motion, next, light_frames_[i].time);
+          work[i].picture = db::load_frame(store_, light_frames_[i].frame, dark_);
+        },
+        [&](std::size_t i) {
+          Work& own = work.at(i);
+          const core::Nanoseconds time = light_frames_[i].time;
+          own.flow = motion.at(time);
+          own.picture = align::warp(own.picture, own.flow);
+          own.confidence = motion.confidence_at(time);
+          align::clear_outside(own.confidence, own.flow);
+        },
+        [&](std::size_t i) {
+          const TimedFrame& light = light_frames_[i];
+          const int step = light.frame.step_index;
+          const std::string objection = objection_at(light.time);
+          const bool used = objection.empty();
+          const double value = residual_at(light.time);
+          product.images.push_back({.role = used ? "aligned" : "excluded",
+                                    .index = step,
+                                    .object = store_.put_object(work.at(i).picture),
+                                    .value = value});
+          product.images.push_back({.role = "confidence",
+                                    .index = step,
+                                    .object = store_.put_object(work.at(i).confidence),
+                                    .value = value});
+          if (used) {
+            ++report.aligned;
+            if (seen.empty()) {
+              seen = core::Image(work.at(i).picture.height(), work.at(i).picture.width(), 1);
+              std::fill(seen.values().begin(), seen.values().end(), 1.0F);
+            }
+            align::clear_outside(seen, work.at(i).flow);
+          } else {
+            report.excluded.push_back({camera_, step, scan_.steps.at(std::size_t(step)).light_index, objection});
+          }
+          work.erase(i);
+          progress.advance();
+        });
+    if (!seen.empty()) product.images.push_back({.role = "seen", .index = 0, .object = store_.put_object(seen)});
   }
 
   db::Store& store_;
@@ -137,9 +276,11 @@ class CameraAlignment {
   const std::string& camera_;
   const AlignOptions& options_;
   core::Image dark_;
-  std::vector<db::Frame> tracking_frames_, light_frames_;
-  std::vector<TrackingPoint> points_;  // in order of time, as frames are in order of step
-  align::MotionTrack motion_;
+  std::vector<TrackingFrame> tracking_frames_;  // by time
+  std::vector<TimedFrame> light_frames_;        // by time
+  std::size_t key_ = 0;                         // of the tracking frames
+  int longer_side_ = 0;                         // of the pictures
+  std::size_t pixels_ = 0;
 };
 
 }  // namespace
@@ -151,9 +292,16 @@ core::Nanoseconds pose_time(const db::Scan& scan, const db::Frame& frame) {
 align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, const db::Product& alignment,
                                  const std::string& camera) {
   const std::vector<db::Frame> frames = store.frames(scan.id, camera);
-  align::MotionTrack motion;
+  const auto parameters = nlohmann::json::parse(alignment.parameters);
+  // Alignments stored before there was a choice went linearly, and excluded nothing.
+  align::MotionTrack motion(parameters.value("between", "linear") == to_string(align::Between::kCatmullRom)
+                                ? align::Between::kCatmullRom
+                                : align::Between::kLinear);
+  std::set<int> excluded;
+  for (const auto& frame : parameters.value("excluded", nlohmann::json::array()))
+    excluded.insert(frame.at("step").get<int>());
   for (const db::ProductImage& image : alignment.images) {
-    if (image.role != "flow") continue;
+    if (image.role != "flow" || excluded.contains(image.index)) continue;
     const auto frame =
         std::find_if(frames.begin(), frames.end(), [&](const db::Frame& f) { return f.step_index == image.index; });
     if (frame != frames.end()) motion.add(pose_time(scan, *frame), store.object(image.object));
@@ -166,21 +314,32 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                                    [](const db::Step& step) { return step.kind == db::StepKind::kTracking; });
   if (!tracked) {
     throw core::UsageError("scan '" + scan.name +
-                           "' has no tracking frames to align by; capture with --tracking-every");
+                           "' has no tracking frames to align by; capture with --tracking-every, or give --robust, "
+                           "which registers pictures under different lights and is weaker");
   }
   AlignReport report;
   for (const std::string& camera : scan.cameras) {
     db::NewProduct product;
     product.kind = "alignment";
     product.scan_id = scan.id;
-    product.parameters = json_text({{"camera", camera}, {"flow", to_string(options.preset)}});
     product.input_scans = {scan.id};
+    const std::size_t excluded_before = report.excluded.size();
     CameraAlignment(store, scan, camera, options).run(product, report);
+    nlohmann::ordered_json excluded = nlohmann::ordered_json::array();
+    for (std::size_t i = excluded_before; i < report.excluded.size(); ++i) {
+      excluded.push_back({{"step", report.excluded[i].step_index}, {"reason", report.excluded[i].reason}});
+    }
+    product.parameters = json_text({{"camera", camera},
+                                    {"flow", align::name_of(options.preset)},
+                                    {"shrink", options.shrink},
+                                    {"between", to_string(options.between)},
+                                    {"excluded", excluded}});
     store.add_product(product);
   }
   if (report.tracking_frames > 0) {
     report.residual_before /= double(report.tracking_frames);
     report.residual_after /= double(report.tracking_frames);
+    report.believed /= double(report.tracking_frames);
   }
   return report;
 }

@@ -1,6 +1,7 @@
 // Aligning a captured scan to the pose of its key frame.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,16 @@ namespace lightstage::cli {
 
 struct AlignOptions {
   align::FlowPreset preset = align::FlowPreset::kFine;
+  int shrink = 1;  // flow of pictures so many times smaller
+  align::Between between = align::Between::kCatmullRom;
+};
+
+// A frame that no other step of the work is to use.
+struct ExcludedFrame {
+  std::string camera;
+  int step_index = 0;
+  std::optional<int> light_index = {};  // nothing for a tracking frame
+  std::string reason;
 };
 
 struct AlignReport {
@@ -21,11 +32,17 @@ struct AlignReport {
   double largest_motion_px = 0;
   double residual_before = 0;  // mean over tracking frames, display values
   double residual_after = 0;
+  double believed = 0;  // share of the subject where flow there and back agree, mean over tracking frames
+  std::vector<ExcludedFrame> excluded;  // in order of camera and step
 };
 
-// For every camera: flow from the key frame to each tracking frame, linear in time between them, and each light's frame warped to the key
-// pose. Stored as an "alignment" product a camera: images of role "aligned" (index: step; value: residual of the tracking frames
-// around it, in proportion of time) and "flow" (index: tracking step). Throws UsageError for a scan without tracking frames.
+// For every camera: flow from the key frame to each tracking frame and back, in between as `between` says, and each light's frame warped to
+// the key pose. Tracking frames that do not agree with the key frame (align/agreement.h) are left out, and the frames next to them are
+// not to be used. Stored as an "alignment" product a camera: images of role "aligned" (index: step; value: residual of the tracking
+// frames around it, in proportion of time), "excluded" in their place for those not to be used, "confidence" (index: step of the aligned
+// frame; one channel, 0 where nothing is known of that place), "flow" and "flow_confidence" (index: tracking step; value: residual), and "seen" (1 where no
+// frame that is used shows what lay outside its picture: loaded scans add it to their mask); its parameters list the excluded with reasons. Takes memory for as many pictures as there are threads (fewer where they are large), however long the pass. Throws
+// UsageError for a scan without tracking frames, and BadInput when more than half of a camera's frames could not be used.
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options);
 
 // Middle of a frame's exposure: the time whose pose the picture shows.

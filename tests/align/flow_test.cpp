@@ -42,10 +42,10 @@ TEST_CASE("shifts from a tenth of a pixel to eight are found, clean and noisy") 
     const core::Image noisy_reference = test::noisy(reference, 0.2, 1);
     const core::Image noisy_other = test::noisy(other, 0.2, 2);
     CHECK(test::median_end_point_error(compute_flow(noisy_reference, noisy_other), truth, kBorder) < 0.03);
-    CHECK(test::median_end_point_error(compute_flow(noisy_reference, noisy_other, FlowPreset::kMedium), truth,
+    CHECK(test::median_end_point_error(compute_flow(noisy_reference, noisy_other, FlowPreset::kDisMedium), truth,
                                        kBorder) < 0.1);
-    CHECK(test::median_end_point_error(compute_flow(noisy_reference, noisy_other, FlowPreset::kFast), truth, kBorder) <
-          0.25);
+    CHECK(test::median_end_point_error(compute_flow(noisy_reference, noisy_other, FlowPreset::kDisFast), truth,
+                                       kBorder) < 0.25);
   }
 }
 
@@ -122,7 +122,7 @@ TEST_CASE("small and odd sizes work") {
     INFO(height << " x " << width);
     CHECK(flow.size() == core::ImageSize{height, width, 2});
     CHECK(test::median_end_point_error(flow, test::flow_of(shift_by(0.5, 0.25), height, width), 4) < 0.1);
-    for (const FlowPreset preset : {FlowPreset::kFast, FlowPreset::kMedium}) {
+    for (const FlowPreset preset : {FlowPreset::kDisFast, FlowPreset::kDisMedium}) {
       CHECK(compute_flow(core::Image(height, width, 1), core::Image(height, width, 1), preset).width() == width);
     }
   }
@@ -133,7 +133,7 @@ TEST_CASE("flow does not depend on the number of threads") {
   const core::Image reference = test::noisy(test::picture_of(texture, 151, 139), 0.2, 1);
   const core::Image other = test::noisy(test::moved_picture_of(texture, 151, 139, shift_by(2, -3)), 0.2, 2);
   const int threads = cv::getNumThreads();
-  for (const FlowPreset preset : {FlowPreset::kFast, FlowPreset::kMedium, FlowPreset::kFine}) {
+  for (const FlowPreset preset : {FlowPreset::kDisFast, FlowPreset::kDisMedium, FlowPreset::kFine}) {
     cv::setNumThreads(1);
     const FlowField one = compute_flow(reference, other, preset);
     cv::setNumThreads(3);
@@ -146,7 +146,92 @@ TEST_CASE("flow does not depend on the number of threads") {
   cv::setNumThreads(threads);
 }
 
+TEST_CASE("every method finds a smooth motion, at every working size, on any number of threads") {
+  const test::Motion motion = [](double x, double y) {
+    return std::pair{2 * std::sin(x / 45) + 0.01 * y, 2 * std::cos(y / 50) - 0.01 * x};
+  };
+  const test::Texture texture(7);
+  const int height = 151, width = 167;
+  const core::Image reference = test::noisy(test::picture_of(texture, height, width), 0.2, 1);
+  const core::Image other = test::noisy(test::moved_picture_of(texture, height, width, motion), 0.2, 2);
+  const FlowField truth = test::flow_of(motion, height, width);
+  const int threads = cv::getNumThreads();
+  for (const auto& [name, preset] : kFlowPresets) {
+    INFO(name);
+    CHECK(name_of(preset) == name);
+    cv::setNumThreads(1);
+    const FlowField flow = compute_flow(reference, other, preset);
+    CHECK(test::median_end_point_error(flow, truth, kBorder) < 0.3);
+    cv::setNumThreads(3);
+    CHECK(compute_flow(reference, other, preset) == flow);
+    cv::setNumThreads(threads);
+    CHECK(test::median_end_point_error(compute_flow(reference, other, preset, 2), truth, kBorder) < 0.4);
+    const core::Image tiny(17, 16, 1), even(40, 57, 3);
+    CHECK(largest_length(compute_flow(tiny, tiny, preset)) == 0);
+    CHECK(largest_length(compute_flow(even, even, preset)) == 0);
+  }
+}
+
+TEST_CASE("a working size below that of the picture keeps where things are") {
+  const test::Texture texture(7);
+  const core::Image reference = test::picture_of(texture, 256, 251);
+  const test::Motion zoom = [](double x, double y) { return std::pair{0.02 * (x - 125), 0.02 * (y - 128)}; };
+  const core::Image other = test::moved_picture_of(texture, 256, 251, zoom);
+  for (const int shrink : {1, 2, 3}) {
+    INFO(shrink);
+    CHECK(test::median_end_point_error(compute_flow(reference, other, FlowPreset::kFine, shrink),
+                                       test::flow_of(zoom, 256, 251), 24) < 0.03 * shrink);
+  }
+}
+
+TEST_CASE("where flow there and back disagree, or leave the picture, it is not believed") {
+  const int height = 30, width = 40;
+  const FlowField there = test::flow_of(shift_by(5, 0), height, width);
+  FlowField back = test::flow_of(shift_by(-5, 0), height, width);
+  const core::Image sure = flow_confidence(there, back);
+  CHECK(sure.size() == core::ImageSize{height, width, 1});
+  CHECK(sure(10, 34) == 1);
+  CHECK(sure(10, 35) == 0);  // leaves the picture
+  CHECK(sure(0, 0) == 1);
+  for (int y = 0; y < height; ++y) {
+    back(y, 20, 0) = -7;     // 2 px off: beyond sqrt(0.01 * (25 + 49) + 0.5)
+    back(y, 30, 0) = -5.5F;  // half a pixel off
+  }
+  const core::Image unsure = flow_confidence(there, back);
+  CHECK(unsure(10, 15) == 0);
+  CHECK(unsure(10, 25) == Approx(1 - 0.25 / (0.01 * (25 + 5.5 * 5.5) + 0.5)));
+  CHECK(unsure(10, 20) == 1);
+  CHECK(flow_confidence(FlowField(1, 1, 2), FlowField(1, 1, 2))(0, 0) == 1);
+  CHECK_THROWS_AS(flow_confidence(there, FlowField(height, width + 1, 2)), core::BadInput);
+  CHECK_THROWS_AS(flow_confidence(core::Image(3, 3, 1), core::Image(3, 3, 1)), core::BadInput);
+  back(3, 3) = std::numeric_limits<float>::infinity();
+  CHECK_THROWS_AS(flow_confidence(there, back), core::BadInput);
+}
+
+TEST_CASE("what a moving thing uncovers or covers is told by the flow there and back") {
+  // A textured square moves 6 pixels to the right over a textured ground that stands still: what lies right of it is covered.
+  const test::Texture ground(3), thing(8);
+  const auto scene = [&](int at) {
+    core::Image picture = test::picture_of(ground, 120, 160);
+    for (int y = 40; y < 80; ++y)
+      for (int x = at; x < at + 40; ++x) picture(y, x) = 2 * float(thing(x - at, y));
+    return picture;
+  };
+  const core::Image first = scene(50), second = scene(56);
+  const core::Image confidence = flow_confidence(compute_flow(first, second), compute_flow(second, first));
+  double covered = 0, still = 0;
+  for (int y = 45; y < 75; ++y) {
+    for (int x = 91; x < 95; ++x) covered += double(confidence(y, x)) / (30 * 4);
+    for (int x = 110; x < 150; ++x) still += double(confidence(y, x)) / (30 * 40);
+  }
+  INFO("covered " << covered << ", still " << still);
+  CHECK(covered < 0.5);
+  CHECK(still > 0.98);
+}
+
 TEST_CASE("pictures that cannot be compared are refused") {
+  CHECK_THROWS_AS(compute_flow(core::Image(40, 40, 1), core::Image(40, 40, 1), FlowPreset::kFine, 3), core::BadInput);
+  CHECK_THROWS_AS(compute_flow(core::Image(40, 40, 1), core::Image(40, 40, 1), FlowPreset::kFine, 0), core::BadInput);
   const core::Image picture(20, 20, 1);
   CHECK_THROWS_AS(compute_flow(picture, core::Image(20, 21, 1)), core::BadInput);
   CHECK_THROWS_AS(compute_flow(core::Image(15, 20, 1), core::Image(15, 20, 1)), core::BadInput);

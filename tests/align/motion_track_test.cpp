@@ -56,6 +56,84 @@ TEST_CASE("one tracking frame is the motion at all times") {
   CHECK(track.at(1000) == filled(1, 2));
 }
 
+TEST_CASE("constant velocity is reproduced by both, constant acceleration by Catmull-Rom, at uneven times too") {
+  const std::vector<core::Nanoseconds> times{0, 700, 2000, 2600, 5000, 7000};
+  const core::Nanoseconds start = GENERATE(core::Nanoseconds(0), core::Nanoseconds(4'000'000'000'000'000'000));
+  for (const Between between : {Between::kLinear, Between::kCatmullRom}) {
+    for (const double acceleration : {0.0, 3e-7}) {
+      const auto place = [&](double t) { return 1.5 + 2e-3 * t + 0.5 * acceleration * t * t; };
+      for (const std::size_t count : {std::size_t(2), std::size_t(3), times.size()}) {
+        if (count == 2 && acceleration != 0) continue;
+        MotionTrack track(between);
+        for (std::size_t i = 0; i < count; ++i) {
+          track.add(start + times[i], filled(float(place(double(times[i]))), float(-2 * place(double(times[i])))));
+        }
+        double largest = 0;
+        for (core::Nanoseconds t = 0; t <= times[count - 1]; t += 50) {
+          const FlowField flow = track.at(start + t);
+          largest = std::max({largest, std::abs(double(flow(1, 2, 0)) - place(double(t))),
+                              std::abs(double(flow(1, 2, 1)) + 2 * place(double(t)))});
+        }
+        INFO("acceleration " << acceleration << ", tracking frames " << count << ", between " << int(between));
+        if (acceleration == 0 || between == Between::kCatmullRom) {
+          CHECK(largest < 1e-5);
+        } else {
+          CHECK(largest > 0.1);  // 2 * acceleration * 2400^2 / 8
+        }
+      }
+    }
+  }
+}
+
+TEST_CASE("Catmull-Rom reaches every tracking frame and is smooth there") {
+  MotionTrack track(Between::kCatmullRom);
+  const std::vector<float> places{0.5F, -1, 2.25F, 2, -0.75F};
+  for (std::size_t i = 0; i < places.size(); ++i) track.add(core::Nanoseconds(i) * 10'000, filled(places[i], 0));
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const core::Nanoseconds t = core::Nanoseconds(i) * 10'000;
+    CHECK(track.at(t)(0, 0, 0) == places[i]);
+    if (i == 0 || i + 1 == places.size()) continue;
+    const double before = double(track.at(t)(0, 0, 0) - track.at(t - 100)(0, 0, 0));
+    const double after = double(track.at(t + 100)(0, 0, 0) - track.at(t)(0, 0, 0));
+    CHECK(before == Approx(after).margin(2e-3));
+  }
+  CHECK(track.at(-1) == track.at(0));
+  CHECK(track.at(50'000) == track.at(40'000));
+}
+
+TEST_CASE("a track that forgets what is past gives the same motion from there on") {
+  for (const Between between : {Between::kLinear, Between::kCatmullRom}) {
+    MotionTrack whole(between), streamed(between);
+    for (int i = 0; i < 12; ++i) whole.add(i * 1000 + 37 * (i % 3), filled(float(i * i % 7), float(i % 5)));
+    core::Nanoseconds next = 0;
+    for (int i = 0; i < 12; ++i) {
+      streamed.add(i * 1000 + 37 * (i % 3), filled(float(i * i % 7), float(i % 5)));
+      const auto settled = i == 11 ? std::optional<core::Nanoseconds>(11'100) : streamed.settled_until();
+      for (; settled && next <= *settled; next += 130) CHECK(streamed.at(next) == whole.at(next));
+      streamed.forget_before(next);
+      CHECK(streamed.size() <= 6);
+    }
+    CHECK(next > 11'000);
+  }
+}
+
+TEST_CASE("confidence goes linearly from one tracking frame to the next") {
+  MotionTrack track(Between::kCatmullRom);
+  core::Image half(3, 5, 1);
+  std::fill(half.values().begin(), half.values().end(), 0.5F);
+  track.add(0, filled(0, 0));
+  track.add(100, filled(1, 0), half);
+  track.add(200, filled(3, 0), core::Image(3, 5, 1));
+  CHECK(track.confidence_at(-5)(2, 4) == 1);
+  CHECK(track.confidence_at(0)(2, 4) == 1);
+  CHECK(track.confidence_at(50)(2, 4) == Approx(0.75));
+  CHECK(track.confidence_at(100)(0, 0) == 0.5F);
+  CHECK(track.confidence_at(150)(2, 4) == Approx(0.25));
+  CHECK(track.confidence_at(300)(2, 4) == 0);
+  CHECK_THROWS_AS(track.add(400, filled(1, 0), core::Image(3, 4, 1)), core::BadInput);
+  CHECK_THROWS_AS(MotionTrack().confidence_at(0), core::BadInput);
+}
+
 TEST_CASE("a motion track refuses what does not belong") {
   MotionTrack track;
   CHECK_THROWS_AS(track.at(0), core::BadInput);
@@ -80,6 +158,22 @@ TEST_CASE("median motion is over the mask") {
   CHECK(median_motion_px(flow, core::Image(2, 3, 1)) == 0);
   CHECK_THROWS_AS(median_motion_px(flow, core::Image(3, 3, 1)), core::BadInput);
   CHECK_THROWS_AS(median_motion_px(core::Image(2, 3, 1), {}), core::BadInput);
+}
+
+TEST_CASE("what noise makes of a subject that stands still is told from motion") {
+  const test::Texture texture(7);
+  const core::Image reference = test::picture_of(texture, 128, 128);
+  const auto found = [&](double dx) {
+    const core::Image other = test::moved_picture_of(texture, 128, 128, [=](double, double) {
+      return std::pair{dx, 0.0};
+    });
+    return compute_flow(test::noisy(reference, 0.4, 1), test::noisy(other, 0.4, 2));
+  };
+  CHECK(stands_still(found(0), {}));
+  CHECK_FALSE(stands_still(found(0.05), {}));
+  CHECK(stands_still(filled(0, 0), {}));
+  CHECK(stands_still(filled(9, 0), core::Image(3, 5, 1)));
+  CHECK_THROWS_AS(stands_still(filled(0, 0), core::Image(3, 4, 1)), core::BadInput);
 }
 
 TEST_CASE("the residual is measured on display-encoded values, over the mask, at the reference's exposure") {

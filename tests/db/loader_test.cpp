@@ -129,6 +129,31 @@ TEST_CASE_METHOD(Fixture, "aligned images come first, and are free of ambient li
                     "run `lightstage align` again"));
 }
 
+TEST_CASE_METHOD(Fixture, "frames that the alignment excludes are left out") {
+  put_all();
+  calibrate();
+  db::NewProduct product;
+  product.kind = "alignment";
+  product.scan_id = scan_id;
+  product.images = {{"aligned", 2, store.put_object(constant(1)), 0},
+                    {"excluded", 4, store.put_object(constant(2)), 0},
+                    {"confidence", 4, store.put_object(constant(1, 1)), 0},
+                    {"aligned", 5, store.put_object(constant(3)), 0}};
+  core::Image seen = constant(1, 1);
+  seen(2, 3) = 0;
+  product.images.push_back({"seen", 0, store.put_object(seen), 0});
+  store.add_product(product);
+  const db::LoadedScan loaded = db::load_scan(store, "head");
+  CHECK(loaded.scan.mask() == seen);
+  core::Image mask(4, 5, 1);
+  mask(2, 3) = mask(1, 1) = 1;
+  add_images("mask", "mask", {{0, mask}});
+  mask(2, 3) = 0;
+  CHECK(db::load_scan(store, "head").scan.mask() == mask);
+  CHECK(loaded.light_index == std::vector<int>{5, 8});
+  CHECK((*loaded.scan.image(1))(0, 0, 0) > 2.0F / 3);
+}
+
 TEST_CASE_METHOD(Fixture, "the mask of the scan is the newest one") {
   put_all();
   calibrate();

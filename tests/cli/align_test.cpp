@@ -1,0 +1,154 @@
+// `align` through the program: what it refuses and marks, and that it keeps what it says.
+#include <catch2/catch.hpp>
+
+#include "cli/program.h"
+#include "db/store.h"
+#include "support/support.h"
+
+using namespace lightstage;
+using test::run_program;
+
+namespace {
+
+nlohmann::json succeed(const std::filesystem::path& store, std::vector<std::string> arguments) {
+  arguments.push_back("--json");
+  const test::Outcome outcome = run_program(store, arguments);
+  INFO(arguments.front() << ": " << outcome.err);
+  REQUIRE(outcome.status == 0);
+  return outcome.json();
+}
+
+// A pass of 24 lights with a tracking frame every 6th.
+struct Pass {
+  test::TemporaryFolder folder;
+  std::filesystem::path store = folder / "store";
+
+  Pass() {
+    const std::string stage = (folder / "stage.toml").string();
+    succeed(store, {"init"});
+    succeed(store, {"stage", "--lights", "24", "--out", stage});
+    succeed(store, {"capture", "--sim", "--procedural", "3", "--stage", stage, "--size", "128", "--tracking-every", "6",
+                    "--name", "head"});
+  }
+
+  std::vector<db::Frame> tracking_frames(const db::Store& opened) const {
+    const db::Scan scan = opened.scan("head");
+    std::vector<db::Frame> result;
+    for (const db::Frame& frame : opened.frames(scan.id))
+      if (scan.steps[std::size_t(frame.step_index)].kind == db::StepKind::kTracking) result.push_back(frame);
+    return result;
+  }
+
+  template <typename Edit>
+  void replace(const db::Frame& frame, const Edit& edit) const {
+    db::Store opened = db::Store::open(store);
+    core::Image picture = opened.object(frame.object);
+    edit(picture);
+    opened.put_frame(frame, picture);
+  }
+};
+
+core::Image shifted(const core::Image& picture, int dx) {
+  core::Image result(picture.size());
+  for (int y = 0; y < picture.height(); ++y)
+    for (int x = std::max(0, dx); x < picture.width(); ++x)
+      for (int c = 0; c < picture.channels(); ++c) result(y, x, c) = picture(y, x - dx, c);
+  return result;
+}
+
+}  // namespace
+
+TEST_CASE_METHOD(Pass, "every flow method and way between tracking frames aligns, on any number of threads alike") {
+  for (const char* flow : {"fast", "medium", "dis-ultrafast", "farneback", "tvl1", "deepflow"}) {
+    const auto report = succeed(store, {"align", "head", "--flow", flow, "--between", "linear", "--shrink", "2"});
+    INFO(flow << ": " << report.dump());
+    CHECK(report["aligned"] == 24);
+    CHECK(report["excluded"].empty());
+    CHECK(report["residual_after"].get<double>() < report["residual_before"].get<double>());
+    CHECK(report["believed"].get<double>() > 0.9);
+  }
+  const auto one = succeed(store, {"align", "head", "--threads", "1"});
+  CHECK(succeed(store, {"align", "head", "--threads", "5"}) == one);
+  const db::Store opened = db::Store::open(store);
+  const std::vector<db::Product> alignments = opened.products("alignment");
+  const auto& first = alignments[alignments.size() - 2].images;
+  const auto& second = alignments.back().images;
+  REQUIRE(first.size() == second.size());
+  int aligned = 0, confidence = 0;
+  for (std::size_t i = 0; i < first.size(); ++i) {
+    CHECK(first[i].object == second[i].object);
+    aligned += first[i].role == "aligned";
+    confidence += first[i].role == "confidence";
+  }
+  CHECK(aligned == 24);
+  CHECK(confidence == 24);
+  CHECK(run_program(store, {"align", "head", "--flow", "slow"}).status == 2);
+  CHECK(run_program(store, {"align", "head", "--between", "cubic"}).status == 2);
+}
+
+TEST_CASE_METHOD(Pass, "frames beside a blink are marked and left out of what is made of the scan") {
+  std::vector<db::Frame> tracking;
+  {
+    const db::Store opened = db::Store::open(store);
+    tracking = tracking_frames(opened);
+  }
+  REQUIRE(tracking.size() == 5);
+  replace(tracking.back(), [](core::Image& picture) {
+    for (int y = 48; y < 62; ++y)
+      for (int x = 52; x < 72; ++x)
+        for (int c = 0; c < picture.channels(); ++c) picture(y, x, c) *= 0.3F;
+  });
+  const auto report = succeed(store, {"align", "head"});
+  INFO(report.dump());
+  CHECK(report["aligned"] == 18);
+  CHECK(report["excluded"].size() == 7);  // a tracking frame and the six lights before it
+  int lights = 0;
+  for (const auto& frame : report["excluded"]) {
+    CHECK(frame["reason"].get<std::string>().find("changed in places") != std::string::npos);
+    lights += !frame["light"].is_null();
+  }
+  CHECK(lights == 6);
+  const test::Outcome evaluated =
+      run_program(store, {"evaluate", "head", "--held-out", "--method", "linear", "--json"});
+  INFO(evaluated.err);
+  REQUIRE(evaluated.status == 0);
+  CHECK(evaluated.err.find("6 frames could not be aligned and are left out") != std::string::npos);
+}
+
+TEST_CASE_METHOD(Pass, "a subject that moves 40 pixels is refused with advice") {
+  std::vector<db::Frame> tracking;
+  {
+    const db::Store opened = db::Store::open(store);
+    tracking = tracking_frames(opened);
+  }
+  for (const std::size_t i : {0, 1, 3, 4})
+    replace(tracking[i], [](core::Image& picture) { picture = shifted(picture, 40); });
+  const test::Outcome outcome = run_program(store, {"align", "head"});
+  INFO(outcome.err);
+  CHECK(outcome.status == 3);
+  CHECK(outcome.err.find("head supported") != std::string::npos);
+  CHECK(outcome.err.find("--tracking-every") != std::string::npos);
+  CHECK(db::Store::open(store).products("alignment").empty());
+}
+
+TEST_CASE("a set without tracking frames is registered on demand, and says that this is weaker") {
+  const test::TemporaryFolder folder;
+  const std::filesystem::path store = folder / "store";
+  const std::string stage = (folder / "stage.toml").string();
+  succeed(store, {"init"});
+  succeed(store, {"stage", "--lights", "40", "--out", stage});
+  succeed(store, {"capture", "--sim", "--procedural", "3", "--stage", stage, "--size", "96", "--tracking-every", "0",
+                  "--name", "head"});
+  const test::Outcome refused = run_program(store, {"align", "head"});
+  CHECK(refused.status == 2);
+  CHECK(refused.err.find("--robust") != std::string::npos);
+  const test::Outcome said = run_program(store, {"align", "head", "--robust"});
+  INFO(said.err);
+  REQUIRE(said.status == 0);
+  CHECK(said.out.find("weaker") != std::string::npos);
+  const auto report = succeed(store, {"align", "head", "--robust"});
+  CHECK(report["aligned"].get<int>() + int(report["excluded"].size()) == 40);
+  CHECK(report["aligned"].get<int>() > 30);
+  CHECK(run_program(store, {"align", "head", "--robust", "--flow", "fast"}).status == 2);
+  CHECK(run_program(store, {"evaluate", "head", "--held-out", "--method", "nearest"}).status == 0);
+}
