@@ -35,15 +35,9 @@ std::optional<Vec3> light_position(const core::CameraModel& camera, const Sphere
 // `here` is the light's position.
 std::optional<double> direction_sigma(const core::CameraModel& camera, const Sphere& ball, const Highlight& highlight,
                                       Vec3 here, double stage_radius_m) {
-  constexpr double kIndependentShare = 1.0 / 3;  // neighbouring outline points share pixels
-  constexpr double kOutlineBiasPx = 0.03;  // what lens blur and uneven light leave in the outline, however many points
   const Cone cone = cone_around(camera, ball);
   const double radius_px = outline_radius_px(camera, cone);
-  // A ball that was not measured (no outline points) is taken as exact.
-  const double outline_px =
-      ball.outline_points > 0
-          ? std::hypot(kOutlineBiasPx, ball.outline_rms_px / std::sqrt(kIndependentShare * ball.outline_points))
-          : 0;
+  const OutlineSigma outline = outline_sigma(ball);
   const Vec3 sight = ball.centre - camera.centre();
   const Vec3 right = camera.stage_from_camera.rotation * Vec3{1, 0, 0};
   const Vec3 down = camera.stage_from_camera.rotation * Vec3{0, 1, 0};
@@ -53,12 +47,12 @@ std::optional<double> direction_sigma(const core::CameraModel& camera, const Sph
     core::Pixel highlight;
     Vec3 ball;
   };
-  const double centre_m = std::sqrt(2.0) * outline_px * metres_per_px;
+  const double centre_m = outline.centre_px * metres_per_px;
   const std::vector<Step> steps{{{highlight.sigma_px, 0}, {}},
                                 {{0, highlight.sigma_px}, {}},
                                 {{0, 0}, right * centre_m},
                                 {{0, 0}, down * centre_m},
-                                {{0, 0}, sight * (outline_px / radius_px)}};
+                                {{0, 0}, sight * (outline.radius_px / radius_px)}};
   double variance = 0;
   for (const Step& step : steps) {
     const auto moved = [&](double sign) {
