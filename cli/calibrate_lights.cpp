@@ -40,13 +40,19 @@ nlohmann::ordered_json light_object(const BallPictures& pictures, const PlacedLi
     }
     balls.push_back(ball);
   }
-  return {{"index", light.index},
-          {"direction", light.used ? xyz(light.direction) : nlohmann::ordered_json(nullptr)},
-          {"sigma_deg", light.used ? nlohmann::ordered_json(light.sigma_degrees) : nlohmann::ordered_json(nullptr)},
-          {"used", light.used},
-          {"reason", light.reason},
-          {"picture", pictures.names[std::size_t(light.index)]},
-          {"balls", balls}};
+  nlohmann::ordered_json object{
+      {"index", light.index},
+      {"direction", light.used ? xyz(light.direction) : nlohmann::ordered_json(nullptr)},
+      {"sigma_deg", light.used ? nlohmann::ordered_json(light.sigma_degrees) : nlohmann::ordered_json(nullptr)},
+      {"used", light.used},
+      {"reason", light.reason},
+      {"picture", pictures.names[std::size_t(light.index)]},
+      {"balls", balls}};
+  if (light.position) {
+    object["position"] = {light.position->x, light.position->y, light.position->z};
+    object["sigma_m"] = light.sigma_m;
+  }
+  return object;
 }
 
 void run_lights(const Options& options, const Context& context) {
@@ -78,6 +84,10 @@ void run_lights(const Options& options, const Context& context) {
                                 {"mean_deg_between_balls", number_or_null(report.mean_degrees_between)},
                                 {"mean_deg_to_joint", number_or_null(report.mean_degrees_to_joint)},
                                 {"seconds", report.seconds}};
+  if (report.rms_px) {
+    object["rms_px"] = *report.rms_px;
+    text += "bundle adjustment leaves " + fixed(*report.rms_px, 3) + " px of the highlights\n";
+  }
   if (!options.out.empty()) {
     write_light_files(options.out, pictures, report);
     object["folder"] = options.out.string();

@@ -247,6 +247,9 @@ BallPictures find_balls(const fs::path& folder, const std::optional<fs::path>& d
     if (table.has("stage_radius_m")) {
       pictures.stage_radius_m = table.number("stage_radius_m");
       if (!(*pictures.stage_radius_m > 0)) table.fail("stage_radius_m", "must be above 0");
+      constexpr double kUsualShare = 0.01;
+      pictures.stage_radius_sigma_m = table.number("stage_radius_sigma_m", kUsualShare * *pictures.stage_radius_m);
+      if (!(pictures.stage_radius_sigma_m > 0)) table.fail("stage_radius_sigma_m", "must be above 0");
     }
     if (table.has("dark")) pictures.dark = table.string("dark");
     for (const core::TomlTable& camera : table.tables("camera")) cameras.push_back(read_camera(camera));

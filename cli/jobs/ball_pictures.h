@@ -34,6 +34,7 @@ struct BallPictures {
   double saturation = 1;  // stored value at which the sensor clips, linear; 0: not known, by default so for float files
   bool metric = false;    // cameras and balls are in metres
   std::optional<double> stage_radius_m;  // distance of the lights from the stage's centre, where known
+  double stage_radius_sigma_m = 0;       // how far single lights are off it
 };
 
 // Where the balls are: as `description` says (circles, or pictures that show their outlines), or with `detect` in the mean of the lights'

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "calib/light_bundle.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/progress.h"
@@ -52,19 +53,62 @@ double disagreement(const std::vector<PlacedLight>& lights) {
   return ratios.empty() ? 1 : std::max(1.0, median(ratios) / kMedianOfRayleigh);
 }
 
-// Which views the joint direction leaves out.
-std::string left_out(const PlacedLight& light, const BallPictures& pictures) {
+// Which views the joint direction leaves out: those that show no highlight and, with `compare`, those that disagree.
+std::string left_out(const PlacedLight& light, const BallPictures& pictures, bool compare) {
   std::string text;
   for (std::size_t v = 0; v < light.per_view.size(); ++v) {
     const calib::LightEstimate& estimate = light.per_view[v];
     std::string why = estimate.placed ? "" : estimate.reason;
     const double apart = estimate.placed ? degrees_between(estimate.direction, light.direction) : 0;
-    if (apart > std::max(1.0, 3 * estimate.sigma_degrees)) {
+    if (compare && apart > std::max(1.0, 3 * estimate.sigma_degrees)) {
       why = "its highlight disagrees by " + core::number_text(apart, 2) + " degrees";
     }
     if (!why.empty()) text += (text.empty() ? "without " : "; ") + pictures.views[v].ball + ": " + why;
   }
   return text;
+}
+
+// Each view has a camera of its own, since it may be a crop; views of one name show one ball.
+void bundle(const BallPictures& pictures, PicturesReport& report) {
+  calib::BundleInput input;
+  std::vector<std::string> balls;
+  std::vector<std::size_t> ball_of_view;
+  for (std::size_t v = 0; v < pictures.views.size(); ++v) {
+    const BallInPictures& view = pictures.views[v];
+    const auto known = std::find(balls.begin(), balls.end(), view.ball);
+    ball_of_view.push_back(std::size_t(known - balls.begin()));
+    if (known == balls.end()) balls.push_back(view.ball);
+    input.cameras.push_back(view.model);
+    input.outlines.push_back({v, ball_of_view[v], view.sphere});
+  }
+  for (const PlacedLight& light : report.lights) {
+    for (std::size_t v = 0; v < light.per_view.size(); ++v) {
+      const calib::LightEstimate& estimate = light.per_view[v];
+      if (!estimate.placed) continue;
+      input.highlights.push_back(
+          {light.index, v, ball_of_view[v], estimate.highlight->position, estimate.highlight->sigma_px});
+    }
+  }
+  if (pictures.stage_radius_m) {
+    input.stage_radius = calib::StageRadius{*pictures.stage_radius_m, pictures.stage_radius_sigma_m};
+  }
+  const calib::BundleResult result = calib::bundle_lights(input);
+  report.rms_px = result.rms_px;
+  for (std::size_t v = 0; v < report.balls.size(); ++v) report.balls[v] = result.balls[ball_of_view[v]];
+  for (const calib::BundledLight& found : result.lights) {
+    PlacedLight& light = report.lights[std::size_t(found.light_index)];
+    light.used = found.placed && found.sigma_degrees <= kLargestSigmaDegrees;
+    if (!light.used) {
+      light.reason = found.placed ? "its direction is not certain to 5 degrees" : found.reason;
+      continue;
+    }
+    light.position = found.position;
+    light.direction = core::Direction::from_vector(found.position);
+    light.sigma_degrees = found.sigma_degrees;
+    light.sigma_m = found.sigma_m;
+    const std::string hidden = left_out(light, pictures, false);
+    light.reason = found.reason + (found.reason.empty() || hidden.empty() ? "" : "; ") + hidden;
+  }
 }
 
 }  // namespace
@@ -110,7 +154,7 @@ PicturesReport calibrate_pictures(const BallPictures& pictures) {
     light.sigma_degrees = joint.sigma_degrees;
     light.reason = joint.reason;
     if (joint.placed) {
-      light.reason = left_out(light, pictures);
+      light.reason = left_out(light, pictures, true);
       continue;
     }
     const bool no_highlight = std::none_of(light.per_view.begin(), light.per_view.end(),
@@ -121,6 +165,9 @@ PicturesReport calibrate_pictures(const BallPictures& pictures) {
                          : "hidden: its picture is lit, but " + light.reason;
     }
   }
+
+  for (const BallInPictures& view : pictures.views) report.balls.push_back(view.sphere);
+  if (pictures.metric && pictures.views.size() > 1) bundle(pictures, report);
 
   std::vector<double> sigmas;
   double to_joint = 0, between = 0;

@@ -51,7 +51,7 @@ SheetCell view_cell(const BallPictures& pictures, const PicturesReport& report, 
     return cv::Point(int(std::lround((p.x + 0.5) * scale - 0.5)), int(std::lround((p.y + 0.5) * scale - 0.5)));
   };
   std::vector<cv::Point> outline;
-  for (const core::Pixel& p : calib::outline_pixels(view.model, view.sphere)) outline.push_back(at(p));
+  for (const core::Pixel& p : calib::outline_pixels(view.model, report.balls[v])) outline.push_back(at(p));
   if (!outline.empty()) cv::polylines(canvas, outline, true, kFaint, 1, cv::LINE_AA);
   int seen = 0;
   for (const PlacedLight& light : report.lights) {
@@ -103,22 +103,19 @@ nlohmann::ordered_json xyz(core::Vec3 v) {
 }
 
 std::string dome(const BallPictures& pictures, const PicturesReport& report) {
-  nlohmann::ordered_json directions = nlohmann::ordered_json::array(), on_sphere = directions;
+  nlohmann::ordered_json directions = nlohmann::ordered_json::array(), on_sphere = directions, positions = directions;
   for (const PlacedLight& light : report.lights) {
     if (!light.used) continue;
     directions.push_back(xyz(light.direction.vec()));
+    if (light.position) positions.push_back(xyz(*light.position));
     if (pictures.stage_radius_m) on_sphere.push_back(xyz(light.direction.vec() * *pictures.stage_radius_m));
   }
-  const nlohmann::ordered_json file{{"label", "Lightstage"},
-                                    {"notes", "lengths in metres"},
-                                    {"imageWidth", 0},
-                                    {"domeDiameter", 2 * pictures.stage_radius_m.value_or(0)},
-                                    {"verticalOffset", 0},
-                                    {"lightConfiguration", "directional"},
-                                    {"directions", directions},
-                                    {"positionsSphere", on_sphere},
-                                    {"positions3d", nlohmann::ordered_json::array()},
-                                    {"ledAdjust", nlohmann::ordered_json::array()}};
+  const nlohmann::ordered_json file{
+      {"label", "Lightstage"},    {"notes", "lengths in metres"},
+      {"imageWidth", 0},          {"domeDiameter", 2 * pictures.stage_radius_m.value_or(0)},
+      {"verticalOffset", 0},      {"lightConfiguration", positions.empty() ? "directional" : "lights3d"},
+      {"directions", directions}, {"positionsSphere", on_sphere},
+      {"positions3d", positions}, {"ledAdjust", nlohmann::ordered_json::array()}};
   return json_text(file) + "\n";
 }
 
@@ -130,13 +127,17 @@ std::string csv_field(const std::string& text) {
 }
 
 std::string csv(const BallPictures& pictures, const PicturesReport& report) {
-  std::string text = "index,picture,x,y,z,sigma_deg,used,reason\n";
+  std::string text = "index,picture,x,y,z,sigma_deg,position_x_m,position_y_m,position_z_m,sigma_m,used,reason\n";
   for (const PlacedLight& light : report.lights) {
     text += std::to_string(light.index) + "," + csv_field(pictures.names[std::size_t(light.index)]) + ",";
+    const auto numbers = [&](bool known, std::initializer_list<double> values) {
+      for (const double value : values) text += (known ? core::number_text(value) : "") + ",";
+    };
     const core::Direction& d = light.direction;
-    text += light.used ? core::number_text(d.x()) + "," + core::number_text(d.y()) + "," + core::number_text(d.z()) +
-                             "," + core::number_text(light.sigma_degrees, 4) + ",1,"
-                       : ",,,,0,";
+    const core::Vec3 p = light.position.value_or(core::Vec3{});
+    numbers(light.used, {d.x(), d.y(), d.z(), light.sigma_degrees});
+    numbers(light.used && light.position.has_value(), {p.x, p.y, p.z, light.sigma_m});
+    text += light.used ? "1," : "0,";
     text += csv_field(light.reason) + "\n";
   }
   return text;

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <fstream>
 
+#include "calib/light_bundle.h"
 #include "cli/program.h"
 #include "core/direction.h"
 #include "core/image_file.h"
@@ -128,6 +129,61 @@ TEST_CASE("lights that cannot be placed are named with the reason") {
   CHECK(reason(4).starts_with("overexposed"));
   CHECK(found[4].at("direction").is_null());
   CHECK(found[5].at("used") == true);
+}
+
+TEST_CASE("two balls seen by known cameras give the lights' positions") {
+  const test::TemporaryFolder folder;
+  // Each camera looks straight at its ball, so that the ball's image is a circle.
+  constexpr double kDistance = 1.9, kFocal = 2400, kBall = 0.06;
+  constexpr int kPixels = 200;
+  const double radius = kFocal * std::tan(std::asin(kBall / kDistance));
+  std::ofstream toml(folder / "rig.toml");
+  toml << "encoding = \"linear\"\n";
+  std::vector<core::Vec3> truth;
+  for (int i = 0; i < 9; ++i) {
+    truth.push_back(core::Direction::from_longitude_latitude_degrees(-60 + 15 * i, 12 * (i % 4) - 20).vec() *
+                    (1.2 + 0.15 * i));
+  }
+  for (const auto& [name, x] : {std::pair{"left", -0.25}, std::pair{"right", 0.25}}) {
+    core::CameraModel camera = core::look_at({x, 0, kDistance}, {x, 0, 0}, kPixels, kPixels, 10);
+    camera.fx = camera.fy = kFocal;
+    camera.cx = camera.cy = 99.5;
+    toml << "[[camera]]\nname = \"" << name << "\"\nfocal_length_pixels = [2400, 2400]\n"
+         << "principal_point_pixels = [99.5, 99.5]\nposition_m = [" << x << ", 0, 1.9]\n"
+         << "right = [1, 0, 0]\ndown = [0, -1, 0]\nforward = [0, 0, -1]\n"
+         << "[[ball]]\nname = \"" << name << " ball\"\ncamera = \"" << name << "\"\nfolder = \"" << name
+         << "\"\nradius_m = 0.06\ncircle = [99.5, 99.5, " << radius << "]\ncircle_sigma_px = 0.01\n";
+    fs::create_directory(folder / name);
+    for (std::size_t i = 0; i < truth.size(); ++i) {
+      const auto at = calib::predict_highlight(camera, {{x, 0, 0}, kBall, 0, 0}, truth[i]);
+      REQUIRE(at);
+      core::Image image(kPixels, kPixels, 1);
+      for (int y = 0; y < kPixels; ++y) {
+        for (int c = 0; c < kPixels; ++c) {
+          image(y, c) = float(0.8 * std::exp(-0.5 * (std::pow(c - at->x, 2) + std::pow(y - at->y, 2)) / 1.44));
+        }
+      }
+      core::write_image(fs::path(folder / name) / ("light" + std::to_string(i) + ".png"), image,
+                        {.pixel_type = core::PixelType::kUint16, .encoding = core::Encoding::kLinear});
+    }
+  }
+  toml.close();
+  const test::Outcome outcome =
+      test::run_program(folder / "no store", {"calibrate", "lights", "--balls", folder.path().string(), "--circles",
+                                              folder / "rig.toml", "--out", folder / "out", "--json"});
+  INFO(outcome.err);
+  REQUIRE(outcome.status == 0);
+  CHECK(outcome.json().at("rms_px") < 0.02);
+  for (const auto& light : outcome.json().at("lights")) {
+    INFO(light.dump());
+    REQUIRE(light.at("used") == true);
+    const auto& p = light.at("position");
+    const core::Vec3 off = core::Vec3{p[0], p[1], p[2]} - truth.at(light.at("index").get<std::size_t>());
+    CHECK(norm(off) < 0.02);
+    CHECK(norm(off) < 4 * light.at("sigma_m").get<double>());
+  }
+  std::ifstream dome(folder / "out" / "lights.dome");
+  CHECK(nlohmann::json::parse(dome).at("positions3d").size() == 9);
 }
 
 TEST_CASE("what does not fit together is refused with one line that says what") {
