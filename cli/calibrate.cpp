@@ -2,6 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/calibrate_lights.h"
+#include "cli/calibrate_verify.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/calibrate.h"
@@ -39,7 +40,11 @@ void run_calibrate(Options options, Context& context) {
       unplaced.push_back({{"light", light.light_index}, {"reason", light.reason}});
     }
   }
-  if (!report.gains_measured) text += "no grey-ball pass (--grey): all lights are taken as equally strong\n";
+  if (report.gains_from) {
+    text += "no grey-ball pass (--grey): gains kept from the calibration of " + *report.gains_from + "\n";
+  } else if (!report.gains_measured) {
+    text += "no grey-ball pass (--grey): all lights are taken as equally strong\n";
+  }
   if (!options.lp.empty()) {
     core::write_lp(options.lp, entries);
     text += "wrote " + options.lp.string() + "\n";
@@ -48,6 +53,7 @@ void run_calibrate(Options options, Context& context) {
                         {"placed", report.placed},
                         {"median_sigma_deg", report.median_sigma_degrees},
                         {"gains_measured", report.gains_measured},
+                        {"gains_from", or_null(report.gains_from)},
                         {"not_placed", unplaced}});
 }
 
@@ -77,6 +83,7 @@ void add_calibrate(CLI::App& program, Context& context) {
     run_calibrate(*options, context);
   });
   add_calibrate_lights(*command, context);
+  add_calibrate_verify(*command, context);
 }
 
 }  // namespace lightstage::cli
