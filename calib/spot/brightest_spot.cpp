@@ -93,8 +93,11 @@ double rival_share(const BallRegion& region, const cv::Mat_<float>& steady, cons
   const cv::Mat_<uchar> own = spot.distance <= reach_px;
   double peak = 0;
   cv::minMaxLoc(tall, nullptr, &peak, nullptr, nullptr, own);
-  // What shines at half the strongest spot's height, as that spot's own pixels do.
-  const cv::Mat above = (tall > 0.5 * peak) & (own == 0);
+  double second = 0;
+  cv::minMaxLoc(tall, nullptr, &second, nullptr, nullptr, own == 0);
+  // Half its own height, as for the strongest spot; what is much dimmer than that one is no rival but glare.
+  constexpr double kLeastShare = 0.25;
+  const cv::Mat above = (tall > std::max(kLeastShare * peak, 0.5 * second)) & (own == 0);
   cv::Mat labels_any;
   const int count = cv::connectedComponents(above, labels_any, 8, CV_32S);
   const cv::Mat_<int> labels = labels_any;
