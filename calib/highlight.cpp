@@ -65,7 +65,8 @@ struct Centroid {
 // Of the pixels that count, connected with the spot's body and within `margin_px` of it (falling off over the
 // last pixel).
 std::optional<Centroid> weighted_centroid(const BallRegion& region, const Spot& spot, const Weighing& weighing,
-                                          double margin_px) {
+                                          double margin_px, double saturation) {
+  constexpr double kElectrons = 1e4;  // in a clipped pixel, of sensors in use: their shot noise
   const cv::Mat_<uchar> counting =
       (region.signal > static_cast<float>(weighing.level + weighing.lowest)) & (spot.distance < margin_px + 0.5);
   cv::Mat labels_any;
@@ -100,13 +101,14 @@ std::optional<Centroid> weighted_centroid(const BallRegion& region, const Spot& 
   double spread = 0, partial = 0;
   for (const Weighted& p : pixels) {
     const double distance = std::hypot(p.x - centroid.at.x, p.y - centroid.at.y);
-    spread += std::pow(weighing.slope(p.height) * distance, 2) / 2;
+    const double noise_squared = region.noise * region.noise + std::max(0.0, p.height) * saturation / kElectrons;
+    spread += std::pow(weighing.slope(p.height) * distance, 2) / 2 * noise_squared;
     partial += 4 * p.weight * std::max(0.0, 1 - p.weight);
   }
   // Noise, and what the pixel grid leaves unknown of a clipped spot: a third of a pixel when no pixel of its
   // boundary is partly covered, the less the more are.
   const double grid = weighing.logarithmic ? 0.3 / (1 + partial) : 0;
-  centroid.sigma_px = std::hypot(region.noise * std::sqrt(spread) / sum, grid);
+  centroid.sigma_px = std::hypot(std::sqrt(spread) / sum, grid);
   return centroid;
 }
 
@@ -115,7 +117,7 @@ std::optional<Centroid> weighted_centroid(const BallRegion& region, const Spot& 
 std::optional<Highlight> find_highlight(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball,
                                         double saturation) {
   require_picture_of(picture, camera, "mirror ball");
-  constexpr double kSmallestSigmaPx = 0.03;  // lens and sensor are not known any better
+  constexpr double kSmallestSigmaPx = 0.018;  // lens and sensor are not known any better
   constexpr int kPlateauPixels = 4;
   const std::optional<BallRegion> region = cut_out_ball(picture, camera, ball, saturation);
   if (!region) return std::nullopt;
@@ -149,10 +151,11 @@ std::optional<Highlight> find_highlight(core::ImageView picture, const core::Cam
   // What is around must not count, be it noise or glare.
   weighing.lowest =
       std::min(std::max({4 * region->noise, kLowestShare * weighing.full, 2 * unevenness}), 0.5 * weighing.full);
-  const std::optional<Centroid> centroid = weighted_centroid(*region, *spot, weighing, margin_px);
+  const std::optional<Centroid> centroid = weighted_centroid(*region, *spot, weighing, margin_px, saturation);
   if (!centroid) return std::nullopt;
   highlight.position = {centroid->at.x + region->box.x, centroid->at.y + region->box.y};
   highlight.sigma_px = std::max(centroid->sigma_px, kSmallestSigmaPx);
+  highlight.rival = rival_share(*region, steady, *spot, margin_px);
   return highlight;
 }
 

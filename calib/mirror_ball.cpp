@@ -5,6 +5,7 @@
 
 #include "calib/ball/cone.h"
 #include "calib/ball/hit.h"
+#include "calib/spot/ball_region.h"
 #include "core/error.h"
 
 namespace lightstage::calib {
@@ -34,15 +35,9 @@ std::optional<Vec3> light_position(const core::CameraModel& camera, const Sphere
 // `here` is the light's position.
 std::optional<double> direction_sigma(const core::CameraModel& camera, const Sphere& ball, const Highlight& highlight,
                                       Vec3 here, double stage_radius_m) {
-  constexpr double kIndependentShare = 1.0 / 3;  // neighbouring outline points share pixels
-  constexpr double kOutlineBiasPx = 0.03;  // what lens blur and uneven light leave in the outline, however many points
   const Cone cone = cone_around(camera, ball);
   const double radius_px = outline_radius_px(camera, cone);
-  // A ball that was not measured (no outline points) is taken as exact.
-  const double outline_px =
-      ball.outline_points > 0
-          ? std::hypot(kOutlineBiasPx, ball.outline_rms_px / std::sqrt(kIndependentShare * ball.outline_points))
-          : 0;
+  const OutlineSigma outline = outline_sigma(ball);
   const Vec3 sight = ball.centre - camera.centre();
   const Vec3 right = camera.stage_from_camera.rotation * Vec3{1, 0, 0};
   const Vec3 down = camera.stage_from_camera.rotation * Vec3{0, 1, 0};
@@ -52,12 +47,12 @@ std::optional<double> direction_sigma(const core::CameraModel& camera, const Sph
     core::Pixel highlight;
     Vec3 ball;
   };
-  const double centre_m = std::sqrt(2.0) * outline_px * metres_per_px;
+  const double centre_m = outline.centre_px * metres_per_px;
   const std::vector<Step> steps{{{highlight.sigma_px, 0}, {}},
                                 {{0, highlight.sigma_px}, {}},
                                 {{0, 0}, right * centre_m},
                                 {{0, 0}, down * centre_m},
-                                {{0, 0}, sight * (outline_px / radius_px)}};
+                                {{0, 0}, sight * (outline.radius_px / radius_px)}};
   double variance = 0;
   for (const Step& step : steps) {
     const auto moved = [&](double sign) {
@@ -78,6 +73,25 @@ std::optional<double> direction_sigma(const core::CameraModel& camera, const Sph
   return std::sqrt(variance);
 }
 
+// Why a ball shows no highlight.
+std::string nothing_seen(const BallPicture& picture, const core::CameraModel& camera, const Sphere& ball) {
+  constexpr double kMostClipped = 0.5;
+  const std::optional<BallRegion> region = cut_out_ball(picture.image, camera, ball, picture.saturation);
+  if (!region) return "no highlight: the ball is not in the picture";
+  const int pixels = cv::countNonZero(region->on_ball);
+  if (cv::countNonZero(region->clipped & region->on_ball) > kMostClipped * pixels) {
+    return "overexposed: most of the ball is clipped";
+  }
+  return "no highlight on the ball";
+}
+
+// A highlight at the very border of the picture may go on beyond it.
+bool cut_by_border(const Highlight& highlight, const core::CameraModel& camera) {
+  constexpr double kMarginPx = 1.5;
+  return highlight.position.x < kMarginPx || highlight.position.y < kMarginPx ||
+         highlight.position.x > camera.width - 1 - kMarginPx || highlight.position.y > camera.height - 1 - kMarginPx;
+}
+
 }  // namespace
 
 std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sphere& ball, core::Pixel pixel) {
@@ -88,7 +102,7 @@ std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sp
 }
 
 LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel& camera, const Sphere& ball,
-                             double stage_radius_m) {
+                             double stage_radius_m, double largest_sigma_degrees) {
   if (!(stage_radius_m > norm(ball.centre) + ball.radius_m)) {
     throw core::BadInput("mirror ball: it must lie inside the stage's sphere of " + std::to_string(stage_radius_m) +
                          " m about the stage centre");
@@ -97,7 +111,16 @@ LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel
   estimate.light_index = picture.light_index;
   const std::optional<Highlight> highlight = find_highlight(picture.image, camera, ball, picture.saturation);
   if (!highlight) {
-    estimate.reason = "no highlight on the ball";
+    estimate.reason = nothing_seen(picture, camera, ball);
+    return estimate;
+  }
+  estimate.highlight = highlight;
+  if (highlight->rival > kDoubleShare) {
+    estimate.reason = "double: two highlights of like strength on the ball";
+    return estimate;
+  }
+  if (cut_by_border(*highlight, camera)) {
+    estimate.reason = "the highlight is cut by the picture's border";
     return estimate;
   }
   const std::optional<Vec3> position = light_position(camera, ball, highlight->position, stage_radius_m);
@@ -109,7 +132,7 @@ LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel
   estimate.direction = core::Direction::from_vector(*position);
   const std::optional<double> sigma = direction_sigma(camera, ball, *highlight, *position, stage_radius_m);
   estimate.sigma_degrees = sigma ? core::degrees_from_radians(*sigma) : 180;
-  estimate.placed = estimate.sigma_degrees <= kLargestSigmaDegrees;
+  estimate.placed = estimate.sigma_degrees <= largest_sigma_degrees;
   if (!estimate.placed) estimate.reason = "the highlight lies too near the ball's rim to tell the direction";
   return estimate;
 }

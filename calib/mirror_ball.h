@@ -18,6 +18,7 @@ struct Highlight {
   double peak = 0;       // brightest value, linear
   double sigma_px = 0;   // standard error of the position
   bool clipped = false;  // the peak is at the sensor's limit
+  double rival = 0;      // light in the next strongest spot on the ball over that in this one
 };
 
 // The brightest compact spot on the ball, to a few hundredths of a pixel. Of the connected pixels that stand above the ball around
@@ -39,6 +40,8 @@ std::optional<ReflectedRay> reflect_at(const core::CameraModel& camera, const Sp
 
 // A direction less certain than this says no more than the stage's drawing.
 constexpr double kLargestSigmaDegrees = 1;
+// With a second spot of more than this share of the light nobody can tell which one is the lamp.
+constexpr double kDoubleShare = 0.5;
 
 struct LightEstimate {
   int light_index = 0;
@@ -47,6 +50,7 @@ struct LightEstimate {
   core::Vec3 position;        // metres, on the stage's sphere
   double sigma_degrees = 0;   // standard error from highlight and outline; 180 where the rim is within it
   std::string reason;         // why it was not placed
+  std::optional<Highlight> highlight;
 };
 
 // One picture of the ball lit by one light, free of ambient light.
@@ -59,10 +63,11 @@ struct BallPicture {
 // Follows the reflected ray to the sphere of radius `stage_radius_m` about the stage centre, since a light at finite distance lies in
 // another direction from the ball's surface than from the centre. Its sigma comes from moving highlight and ball by their
 // standard errors: towards the rim the direction turns ever faster, so that lights nearly behind the ball are the least certain.
-// Lights without a highlight (dead, behind the ball) or beyond kLargestSigmaDegrees are not placed. Throws BadInput when the ball is not
+// Not placed are lights without a highlight (dead, hidden, behind the ball), with two of like strength (kDoubleShare), with one cut by the
+// picture's border, on a ball that is clipped for the most part, and beyond largest_sigma_degrees; `reason` says which. Throws BadInput when the ball is not
 // inside that sphere, and as find_highlight.
 LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel& camera, const Sphere& ball,
-                             double stage_radius_m);
+                             double stage_radius_m, double largest_sigma_degrees = kLargestSigmaDegrees);
 
 // Joins estimates of the same lights from several balls or cameras: weighted mean direction; an estimate more than three combined
 // sigmas and 1 degree away from a better one is left out. Lights placed by nobody keep the first reason.

@@ -1,11 +1,13 @@
-
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cli/calibrate_lights.h"
+#include "cli/calibrate_verify.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/calibrate.h"
 #include "cli/options.h"
+#include "core/error.h"
 #include "core/light_list.h"
 
 namespace lightstage::cli {
@@ -38,7 +40,11 @@ void run_calibrate(Options options, Context& context) {
       unplaced.push_back({{"light", light.light_index}, {"reason", light.reason}});
     }
   }
-  if (!report.gains_measured) text += "no grey-ball pass (--grey): all lights are taken as equally strong\n";
+  if (report.gains_from) {
+    text += "no grey-ball pass (--grey): gains kept from the calibration of " + *report.gains_from + "\n";
+  } else if (!report.gains_measured) {
+    text += "no grey-ball pass (--grey): all lights are taken as equally strong\n";
+  }
   if (!options.lp.empty()) {
     core::write_lp(options.lp, entries);
     text += "wrote " + options.lp.string() + "\n";
@@ -47,6 +53,7 @@ void run_calibrate(Options options, Context& context) {
                         {"placed", report.placed},
                         {"median_sigma_deg", report.median_sigma_degrees},
                         {"gains_measured", report.gains_measured},
+                        {"gains_from", or_null(report.gains_from)},
                         {"not_placed", unplaced}});
 }
 
@@ -56,7 +63,7 @@ void add_calibrate(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("calibrate", "Light directions and gains of a stage, from ball passes");
   command->footer("Example:\n  lightstage calibrate ball --grey grey --lp calibrated.lp");
   auto options = std::make_shared<Options>();
-  command->add_option("SCAN", options->job.mirror_balls, "Mirror-ball passes, one or more")->required();
+  command->add_option("SCAN", options->job.mirror_balls, "Mirror-ball passes, one or more");
   command->add_option("--grey", options->grey, "Grey-ball pass, for the lights' brightness and colour");
   command->add_option("--ball-radius", options->ball_radius_mm, "Radius of the mirror ball, millimetres")
       ->capture_default_str()
@@ -69,7 +76,14 @@ void add_calibrate(CLI::App& program, Context& context) {
       ->check(number_between(0.01, 1.0));
   command->add_option("--name", options->job.name, "Name of the calibration");
   command->add_option("--lp", options->lp, "Also write the directions as an RTI .lp file");
-  command->callback([options, &context] { run_calibrate(*options, context); });
+  command->callback([command, options, &context] {
+    if (!command->get_subcommands().empty()) return;
+    if (options->job.mirror_balls.empty())
+      throw core::UsageError("calibrate: name one or more mirror-ball passes (SCAN), or a subcommand");
+    run_calibrate(*options, context);
+  });
+  add_calibrate_lights(*command, context);
+  add_calibrate_verify(*command, context);
 }
 
 }  // namespace lightstage::cli

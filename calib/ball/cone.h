@@ -30,6 +30,13 @@ core::Vec3 ray_on_cone(const Cone& cone, double azimuth, double angle);
 // Radius of the ball's image in pixels (the mean over the outline).
 double outline_radius_px(const core::CameraModel& camera, const Cone& cone);
 
+// Standard errors in pixels of a ball's image: of its centre each way, and of its radius. 0 for a ball that was not measured (no outline
+// points), which is taken as exact.
+struct OutlineSigma {
+  double centre_px = 0, radius_px = 0;
+};
+OutlineSigma outline_sigma(const Sphere& ball);
+
 // A unit ray that touches the ball, and how many pixels an angle of one radian measures there.
 struct TangentRay {
   core::Vec3 ray;

@@ -70,6 +70,7 @@ std::optional<Spot> brightest_spot(const BallRegion& region, const cv::Mat_<floa
     }
   }
   const auto best = static_cast<int>(std::max_element(flux.begin(), flux.end()) - flux.begin());
+  const double light = flux[std::size_t(best)];
   // The body: all circles in those pixels that are nearly as large as the largest. Glare draws streaks, which
   // are thinner.
   cv::Mat_<float> depth;
@@ -82,8 +83,31 @@ std::optional<Spot> brightest_spot(const BallRegion& region, const cv::Mat_<floa
   cv::distanceTransform(depth < share, from_centres, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   Spot spot;
   spot.radius_px = radius;
+  spot.light = light;
   cv::distanceTransform((labels != best) | (from_centres >= share), spot.distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   return spot;
+}
+
+double rival_share(const BallRegion& region, const cv::Mat_<float>& steady, const Spot& spot, double reach_px) {
+  const cv::Mat_<float> tall = spots(region, steady);
+  const cv::Mat_<uchar> own = spot.distance <= reach_px;
+  double peak = 0;
+  cv::minMaxLoc(tall, nullptr, &peak, nullptr, nullptr, own);
+  double second = 0;
+  cv::minMaxLoc(tall, nullptr, &second, nullptr, nullptr, own == 0);
+  // Half its own height, as for the strongest spot; what is much dimmer than that one is no rival but glare.
+  constexpr double kLeastShare = 0.25;
+  const cv::Mat above = (tall > std::max(kLeastShare * peak, 0.5 * second)) & (own == 0);
+  cv::Mat labels_any;
+  const int count = cv::connectedComponents(above, labels_any, 8, CV_32S);
+  const cv::Mat_<int> labels = labels_any;
+  std::vector<double> light(std::size_t(count), 0.0);
+  for (int y = 0; y < tall.rows; ++y) {
+    for (int x = 0; x < tall.cols; ++x) {
+      if (labels(y, x) > 0) light[std::size_t(labels(y, x))] += tall(y, x);
+    }
+  }
+  return spot.light > 0 ? *std::max_element(light.begin(), light.end()) / spot.light : 0;
 }
 
 }  // namespace lightstage::calib

@@ -11,6 +11,7 @@ namespace lightstage::calib {
 struct Spot {
   cv::Mat_<float> distance;  // of each pixel from the spot's body; 0 in it
   double radius_px = 0;      // of the largest circle in the body
+  double light = 0;          // sum over its pixels of the height above what is around it
 };
 
 // Of each pixel and its neighbours the second brightest: one hot pixel is nothing.
@@ -19,5 +20,7 @@ cv::Mat_<float> without_hot_pixels(const cv::Mat_<float>& values);
 // Of what is small and bright, the connected pixels at half the greatest height that hold the most light. `steady` is the region's signal
 // without hot pixels. Nothing when nothing stands out or it is larger than a quarter of the ball's radius.
 std::optional<Spot> brightest_spot(const BallRegion& region, const cv::Mat_<float>& steady);
+// The light in the next strongest spot, beyond `reach_px` of `spot`'s body, over that in `spot`; 0 when there is none.
+double rival_share(const BallRegion& region, const cv::Mat_<float>& steady, const Spot& spot, double reach_px);
 
 }  // namespace lightstage::calib

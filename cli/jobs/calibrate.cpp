@@ -6,7 +6,7 @@
 
 #include "calib/light_gain.h"
 #include "calib/mirror_ball.h"
-#include "calib/sphere_fit.h"
+#include "cli/jobs/ball_pass.h"
 #include "cli/jobs/provenance.h"
 #include "cli/options.h"
 #include "core/error.h"
@@ -17,68 +17,6 @@
 namespace lightstage::cli {
 
 namespace {
-
-db::Scan ball_pass(const db::Store& store, const std::string& name, db::ScanKind kind, const char* what) {
-  db::Scan scan = store.scan(name);
-  if (scan.kind != kind) {
-    throw core::UsageError("scan '" + name + "' is " + std::string(db::to_string(scan.kind)) + ", not a pass of a " +
-                           what);
-  }
-  return scan;
-}
-
-// One camera's frames of a ball pass, and where the ball is in them.
-struct BallView {
-  core::CameraModel camera;
-  core::Image dark;
-  calib::Sphere ball;
-  std::vector<db::Frame> light_frames;
-  std::vector<int> light_index;  // per light frame
-};
-
-// A clipped edge lies outside the true one: such a frame would give too large a ball.
-void require_not_overexposed(core::ImageView full_on, double saturation, const std::string& where) {
-  if (saturation <= 0) return;
-  std::size_t bright = 0, clipped = 0;
-  const core::Image luminance = core::to_luminance(full_on);
-  for (const float value : luminance.values()) {
-    if (value > 0.1 * saturation) ++bright;
-    if (value > 0.98 * saturation) ++clipped;
-  }
-  if (clipped * 2 > bright) {
-    throw core::BadInput(where +
-                         ": overexposed, so that the ball's outline cannot be told; shorten that step's exposure, or "
-                         "take larger pictures");
-  }
-}
-
-BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::StageCamera& camera, double radius_m) {
-  BallView view;
-  view.camera = camera.model;
-  view.dark = db::dark_level(store, scan, camera.name);
-  const std::string where = "scan '" + scan.name + "', camera '" + camera.name + "', full-on frame";
-  std::optional<core::Image> full_on;
-  for (const db::Frame& frame : store.frames(scan.id, camera.name)) {
-    const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
-    if (step.kind == db::StepKind::kFullOn) {
-      full_on = db::load_frame(store, frame, view.dark);
-      require_not_overexposed(*full_on, frame.saturation, where);
-    }
-    if (step.kind == db::StepKind::kLight) {
-      view.light_frames.push_back(frame);
-      view.light_index.push_back(*step.light_index);
-    }
-  }
-  if (!full_on) {
-    throw core::BadInput(where + ": missing; the ball is found in it, capture the pass with a full_on step");
-  }
-  try {
-    view.ball = calib::locate_sphere(*full_on, camera.model, radius_m);
-  } catch (const core::BadInput& error) {
-    throw core::BadInput(where + ": " + error.what());
-  }
-  return view;
-}
 
 std::vector<calib::LightEstimate> estimate_lights(const db::Store& store, const BallView& view, double stage_radius_m,
                                                   core::Progress& progress) {
@@ -132,6 +70,24 @@ bool measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
     }
   }
   return !measured[0].empty();
+}
+
+// The gains of the stage's newest calibration, if they were measured, for lights that are placed in both.
+void keep_gains(const db::Store& store, db::NewProduct& product, CalibrateReport& report) {
+  const std::optional<db::Product> before = store.newest_calibration(product.stage_key);
+  if (!before) return;
+  const nlohmann::json parameters = nlohmann::json::parse(before->parameters, nullptr, false);
+  const auto measured = parameters.is_object() ? parameters.find("gains_measured") : parameters.end();
+  if (!parameters.is_object() || measured == parameters.end() || *measured != true) return;
+  const std::vector<db::CalibratedLight> earlier = store.calibrated_lights(before->id);
+  for (db::CalibratedLight& light : report.lights) {
+    const auto same = std::find_if(earlier.begin(), earlier.end(), [&](const db::CalibratedLight& e) {
+      return e.placed && e.light_index == light.light_index;
+    });
+    if (light.placed && same != earlier.end()) light.light.gain = same->light.gain;
+  }
+  product.input_products.push_back(before->id);
+  report.gains_from = before->created_utc;
 }
 
 }  // namespace
@@ -188,11 +144,13 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
     }
     product.input_scans.push_back(scan.id);
     report.gains_measured = measure_gains(store, scan, options, report.lights);
+  } else {
+    keep_gains(store, product, report);
   }
   product.parameters = json_text({{"mirror_radius_m", options.mirror_radius_m},
                                   {"grey_radius_m", options.grey_radius_m},
                                   {"grey_albedo", options.grey_albedo},
-                                  {"gains_measured", report.gains_measured}});
+                                  {"gains_measured", report.gains_measured || report.gains_from}});
   report.calibration_id = store.add_calibration(product, report.lights);
   return report;
 }

@@ -114,6 +114,48 @@ TEST_CASE("where there is no highlight, none is found") {
   CHECK_FALSE(find_highlight(hot, camera(), Sphere{{0.5, 0, 0}, 0.06, 0, 0}, 1));
 }
 
+TEST_CASE("two spots of like strength, a spot at the border and a clipped ball are named as such") {
+  const core::Image one = gaussian_spot({104.4, 125.7}, 0.6, 1.0);
+  const core::Image both = test::sum(one, gaussian_spot({140, 110}, 0.5, 1.0));
+  const LightEstimate doubled = estimate_light({0, test::through_sensor(both, 1, 3), 1}, camera(), kBall, 1.5);
+  CHECK_FALSE(doubled.placed);
+  CHECK(doubled.reason.starts_with("double"));
+  REQUIRE(doubled.highlight);
+  CHECK(doubled.highlight->rival == Approx(5.0 / 6).margin(0.1));
+  const core::Image dimmer = test::sum(one, gaussian_spot({140, 110}, 0.1, 1.0));
+  CHECK(estimate_light({0, test::through_sensor(dimmer, 1, 3), 1}, camera(), kBall, 1.5).placed);
+
+  // The picture ends where the highlight is.
+  core::CameraModel cropped = camera();
+  constexpr int kLeft = 104;
+  cropped.width -= kLeft;
+  cropped.cx -= kLeft;
+  const core::Image cut(one.view().crop(0, kLeft, kPixels, kPixels - kLeft));
+  const LightEstimate at_border = estimate_light({0, test::through_sensor(cut, 1, 3), 1}, cropped, kBall, 1.5);
+  CHECK_FALSE(at_border.placed);
+  CHECK(at_border.reason.find("border") != std::string::npos);
+
+  core::Image white(kPixels, kPixels, 1);
+  std::fill(white.values().begin(), white.values().end(), 1.0F);
+  CHECK(estimate_light({0, white, 1}, camera(), kBall, 1.5).reason.starts_with("overexposed"));
+}
+
+TEST_CASE("lights two degrees apart are told apart") {
+  const Sphere ball = kBall;
+  std::vector<LightEstimate> found;
+  std::vector<test::Lamp> lamps;
+  for (const double longitude : {30.0, 32.0}) {
+    lamps.push_back({core::Direction::from_longitude_latitude_degrees(longitude, 10).vec() * 1.5});
+    const core::Image radiance = test::mirror_reflections(camera(), ball, {lamps.back()}, 0.6);
+    found.push_back(
+        estimate_light({0, test::through_sensor(radiance, 0.9, lamps.size()), 1 / 0.9}, camera(), ball, 1.5));
+    REQUIRE(found.back().placed);
+    CHECK(test::degrees_between(found.back().position, lamps.back().position) < 0.1);
+  }
+  CHECK(test::degrees_between(found[0].position, found[1].position) ==
+        Approx(test::degrees_between(lamps[0].position, lamps[1].position)).margin(0.15));
+}
+
 TEST_CASE("a dead light is not placed, and why is said") {
   const core::Image dark = test::through_sensor(core::Image(kPixels, kPixels, 1), 1, 9);
   const LightEstimate estimate = estimate_light({7, dark, 1}, camera(), kBall, 1.5);
