@@ -6,6 +6,7 @@
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/scans.h"
+#include "cli/store_keeping.h"
 #include "core/error.h"
 
 namespace lightstage::cli {
@@ -18,15 +19,14 @@ void list(Context& context) {
   const db::Store store = context.open_store();
   ordered_json array = ordered_json::array();
   std::vector<std::vector<std::string>> rows{{"scan", "kind", "steps", "frames", "cameras", "made"}};
-  for (const db::Scan& scan : store.scans()) {
-    const std::size_t frames = store.frames(scan.id).size();
+  for (const db::ScanSummary& scan : store.scan_summaries()) {
     const std::string kind(db::to_string(scan.kind));
-    rows.push_back({scan.name, kind, std::to_string(scan.steps.size()), std::to_string(frames),
+    rows.push_back({scan.name, kind, std::to_string(scan.steps), std::to_string(scan.frames),
                     std::to_string(scan.cameras.size()), scan.created_utc});
     array.push_back({{"name", scan.name},
                      {"kind", kind},
-                     {"steps", scan.steps.size()},
-                     {"frames", frames},
+                     {"steps", scan.steps},
+                     {"frames", scan.frames},
                      {"cameras", scan.cameras},
                      {"created", scan.created_utc}});
   }
@@ -70,29 +70,14 @@ void show(const std::string& name, Context& context) {
   context.result(text, object);
 }
 
-void verify(Context& context) {
-  const db::Store store = context.open_store();
-  const db::VerifyReport report = store.verify();
-  std::string text = std::to_string(report.frames) + " frames, " + std::to_string(report.objects) + " objects: " +
-                     (report.errors.empty() ? "all sound" : std::to_string(report.errors.size()) + " errors") + "\n";
-  for (const std::string& error : report.errors) text += "  " + error + "\n";
-  for (const std::string& note : report.notes) text += "  harmless: " + note + "\n";
-  context.result(text, {{"ok", report.errors.empty()},
-                        {"frames", report.frames},
-                        {"objects", report.objects},
-                        {"errors", report.errors},
-                        {"notes", report.notes}});
-  if (!report.errors.empty()) {
-    throw core::StoreError(store.folder().string() + ": " + std::to_string(report.errors.size()) + " errors found");
-  }
-}
-
 }  // namespace
 
 void add_store(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand("store", "Look into the store and check it");
+  CLI::App* command = program.add_subcommand("store", "Look into the store, check it, mend it, and keep copies of it");
   command->require_subcommand(1);
-  command->footer("Examples:\n  lightstage store ls\n  lightstage store show head\n  lightstage store verify");
+  command->footer(
+      "Examples:\n  lightstage store ls\n  lightstage store show head\n  lightstage store verify\n  lightstage store "
+      "backup /mnt/disk/head-store");
   CLI::App* ls = command->add_subcommand("ls", "List the scans");
   ls->fallthrough();
   ls->callback([&context] { list(context); });
@@ -103,11 +88,6 @@ void add_store(CLI::App& program, Context& context) {
   one->add_option("SCAN", *name, "The scan")->required();
   one->callback([name, &context] { show(*name, context); });
 
-  CLI::App* check =
-      command->add_subcommand("verify", "Check every row and every object, and the step tables against the pictures");
-  check->fallthrough();
-  check->callback([&context] { verify(context); });
-
   CLI::App* remove = command->add_subcommand("rm",
                                              "Remove a scan with its masks and alignments and the entries of pictures "
                                              "and models made from it; their files stay");
@@ -116,6 +96,7 @@ void add_store(CLI::App& program, Context& context) {
   auto certain = std::make_shared<bool>(false);
   remove->add_option("SCAN", *doomed, "The scan")->required();
   remove->add_flag("--yes", *certain, "Really: a capture cannot be repeated");
+  add_store_keeping(*command, context);
   remove->callback([doomed, certain, &context] {
     db::Store store = context.open_store();
     const db::Scan scan = store.scan(*doomed);

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <filesystem>
 #include <optional>
+#include <vector>
 
 #include "core/image.h"
 
@@ -45,6 +46,10 @@ struct WriteOptions {
 // the channels or pixel type (JPEG, PGM/PPM: 1 or 3 channels; HDR: 3), a value is not finite, or the disk is
 // full.
 void write_image(const std::filesystem::path& path, ImageView image, const WriteOptions& options = {});
+
+// The bytes that write_image would write to that path. Throws as write_image, but touches no file.
+std::vector<unsigned char> encode_image(const std::filesystem::path& path, ImageView image,
+                                        const WriteOptions& options = {});
 
 // Checks that every value is finite; throws BadInput naming `what`, the pixel (x, y, channel) and the value.
 void require_finite(ImageView image, const std::string& what);

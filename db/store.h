@@ -7,6 +7,7 @@
 // from.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <filesystem>
 #include <functional>
@@ -107,13 +108,49 @@ struct Product : NewProduct {
   std::string program_version;
 };
 
+struct VerifyOptions {
+  std::vector<std::string> scans;  // only these, with what was derived from them; empty: everything
+  // Goes on after the scans that an interrupted verification of everything had done, if there was one.
+  bool resume = false;
+};
+
 // What `store verify` found. Empty errors mean a sound store.
 struct VerifyReport {
   std::size_t frames = 0;
   std::size_t objects = 0;
-  std::vector<std::string> errors;  // one line each, naming scan, step and camera, or the object
+  std::size_t scans_done_before = 0;  // by the verification that was resumed; the counts hold theirs too
+  std::vector<std::string> errors;    // one line each, naming scan, step and camera, or the object
   // Harmless: objects that nothing refers to (a crash or remove_scan leaves them), stray files.
   std::vector<std::string> notes;
+};
+
+struct BackupReport {
+  std::size_t objects = 0;  // that the backup holds
+  std::size_t copied = 0;   // of them now
+  std::uint64_t copied_bytes = 0;
+  std::vector<std::string>
+      damaged;  // objects of the store that are damaged or missing, and what they belong to; the backup lacks them, or keeps
+                // the sound copies that it had
+};
+
+struct GarbageReport {
+  std::size_t objects = 0, files = 0;  // removed: objects that nothing refers to, and what interrupted writes left
+  std::uint64_t bytes = 0;
+  std::size_t kept_young = 0;  // that nothing refers to (yet)
+};
+
+struct RepairReport {
+  std::vector<std::string> mended;  // objects and what they belong to
+  std::vector<std::string> lost;    // of which no sound copy was found; left as they are
+};
+
+// A scan's row and how much belongs to it.
+struct ScanSummary {
+  std::string name;
+  ScanKind kind = ScanKind::kOlat;
+  std::string created_utc;
+  std::size_t steps = 0, frames = 0;
+  std::vector<std::string> cameras;
 };
 
 // One connection to one store; use one per thread. Functions throw StoreError (with the store's path) when
@@ -151,6 +188,8 @@ class Store {
   Scan scan(Id id) const;
   std::optional<Scan> find_scan(std::string_view name) const;
   std::vector<Scan> scans() const;  // in order of creation
+  // The same order. Counts without reading steps and frames: a second for millions of them.
+  std::vector<ScanSummary> scan_summaries() const;
   // Removes the scan with its frames and products' rows, and the entries of weights that were trained on it, which it
   // returns: their files stay. Objects that nothing refers to any more stay on disk. UsageError
   // when something else was made from it (another scan's product), which would lose its origin. For undoing an import or
@@ -193,12 +232,31 @@ class Store {
   std::optional<Product> newest_calibration(std::string_view stage_key) const;
   std::vector<CalibratedLight> calibrated_lights(Id calibration_id) const;  // in order of light_index
 
+  // --- keeping (docs/reliability.md)
   // Checks the schema, foreign keys, every object's bytes against its name, that everything named in the
   // catalogue is there, that every step has its frame, and that the step table agrees with the pixels: a
   // frame lit by one calibrated light must resemble the frames of the neighbouring lights more than those
-  // around a light elsewhere (swapped frames stand out; virtual scans have nothing to swap). Reads every object, on
-  // all threads.
-  VerifyReport verify() const;
+  // around a light elsewhere (swapped frames stand out; virtual scans have nothing to swap). Reads every object once, at the disk's
+  // speed, on all threads. Works scan by scan and holds no long transaction, so that others go on writing; notes the scans done in verify.json, for
+  // VerifyOptions::resume. Of single scans the catalogue as a whole is not checked. UsageError for scans that are not there.
+  VerifyReport verify(const VerifyOptions& options = {}) const;
+
+  // Copies what the store holds now into the folder, which is made, or holds an earlier backup of this same store: only what it lacks is copied,
+  // each object checked against its name, and the catalogue comes last, in one piece. So an interrupted backup leaves the earlier one
+  // whole, and the same call goes on. Others may write meanwhile. A backup is a store itself. Objects that the store removed stay in the
+  // backup (collect_garbage there removes them). Throws UsageError for a folder that holds another store or is this one.
+  BackupReport back_up(const std::filesystem::path& folder) const;
+  // The backup as a store in a folder that holds none yet. Interrupted, it goes on when called again; there is no store there before all is.
+  // Throws UsageError for a folder that holds a store, StoreError for objects that the backup lacks or that are damaged in it.
+  static BackupReport restore(const std::filesystem::path& backup, const std::filesystem::path& folder);
+
+  // Removes objects that nothing refers to, and files that interrupted writes left, when they are older than `age`: a younger one may be about to be
+  // referred to by a program at work. With `only_look` nothing is removed. Others may write meanwhile, and wait for a moment now and then.
+  GarbageReport collect_garbage(std::chrono::seconds age, bool only_look = false);
+
+  // Mends damaged and missing objects by sound copies: from backups (stores), and from what interrupted writes left. An object is replaced only by
+  // bytes that match its name; nothing is removed. Reads every object that is referred to.
+  RepairReport repair(const std::vector<std::filesystem::path>& backups);
 
  private:
   struct Impl;

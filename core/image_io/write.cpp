@@ -81,7 +81,7 @@ OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Forma
 
 }  // namespace
 
-void write_image(const fs::path& path, ImageView image, const WriteOptions& options) {
+std::vector<unsigned char> encode_image(const fs::path& path, ImageView image, const WriteOptions& options) {
   const image_io::Format& format = image_io::format_of(path);
   const auto fail = [&](const std::string& problem) {
     return BadInput("cannot write " + path.string() + ": " + problem);
@@ -111,6 +111,11 @@ void write_image(const fs::path& path, ImageView image, const WriteOptions& opti
   const bool written = output->open(path.string(), fresh_spec(image.size(), type, format, srgb)) &&
                        output->write_image(OIIO::TypeDesc::FLOAT, values.values().data()) && output->close();
   if (!written) throw fail(output->geterror());
+  return bytes;
+}
+
+void write_image(const fs::path& path, ImageView image, const WriteOptions& options) {
+  const std::vector<unsigned char> bytes = encode_image(path, image, options);
   write_file_atomically(path, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
 }
 

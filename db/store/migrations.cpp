@@ -123,8 +123,17 @@ CREATE TABLE calibrated_lights (
 ) STRICT;
 )sql";
 
+// Which store this is, whatever folder it lies in: a backup knows whose it is.
+constexpr const char* kVersion2 = R"sql(
+CREATE TABLE identity (
+  only INTEGER PRIMARY KEY CHECK (only = 1),
+  store_id TEXT NOT NULL CHECK (length(store_id) = 32)
+) STRICT;
+INSERT INTO identity (only, store_id) VALUES (1, lower(hex(randomblob(16))));
+)sql";
+
 // kMigrations[v] leads from version v to v + 1. What has been released is never edited, only added to.
-constexpr std::array kMigrations{kVersion1};
+constexpr std::array kMigrations{kVersion1, kVersion2};
 
 }  // namespace
 

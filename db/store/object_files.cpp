@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
-#include <random>
 
 #include <fcntl.h>
 #include <unistd.h>
 
 #include "core/error.h"
+#include "core/file.h"
 #include "core/image_file.h"
 
 namespace lightstage::db {
@@ -18,26 +18,6 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kExtension = ".exr";
-
-// A name nobody else uses (random: process ids repeat where containers share a folder), among the objects so
-// that renaming stays on one file system. Removed at the end of the scope if it is still there.
-class IncomingFile {
- public:
-  explicit IncomingFile(const fs::path& objects) {
-    std::random_device random;
-    path_ = objects / ("incoming-" + std::to_string(random()) + "-" + std::to_string(random()) + kExtension);
-  }
-  ~IncomingFile() {
-    std::error_code ignored;
-    fs::remove(path_, ignored);
-  }
-  IncomingFile(const IncomingFile&) = delete;
-  IncomingFile& operator=(const IncomingFile&) = delete;
-  const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
 
 }  // namespace
 
@@ -55,6 +35,22 @@ fs::path ObjectFiles::path(const ContentHash& hash) const {
   return folder() / name.substr(0, 2) / (name + kExtension);
 }
 
+// Calls write(target), which puts the object there durably.
+template <class Write>
+void ObjectFiles::place(const ContentHash& hash, const Write& write) const {
+  const fs::path target = path(hash);
+  try {
+    fs::create_directories(target.parent_path());
+    write(target);
+    // Whoever made the folder may not have come to this line yet. Of a folder that has not changed it costs next to nothing.
+    sync_folder(folder());
+  } catch (const core::BadInput& error) {  // the bytes are sound: what is left is the disk
+    throw core::StoreError(error.what());
+  } catch (const fs::filesystem_error& error) {
+    throw core::StoreError(target.string() + ": cannot be written: " + error.code().message());
+  }
+}
+
 ContentHash ObjectFiles::write(core::ImageView image) const {
   if (image.empty()) throw core::BadInput("an image without pixels cannot be stored");
   if (image.channels() > 4) {
@@ -62,22 +58,25 @@ ContentHash ObjectFiles::write(core::ImageView image) const {
   }
   core::require_finite(image, "image to store");
 
-  const IncomingFile incoming(folder());
-  try {
-    core::write_image(incoming.path(), image, {.pixel_type = core::PixelType::kHalf});
-  } catch (const core::BadInput& error) {  // the image is sound: what is left is the disk
-    throw core::StoreError(error.what());
-  }
-  const ContentHash hash = hash_file(incoming.path());
-  const fs::path target = path(hash);
-  std::error_code error;
-  const bool new_folder = fs::create_directories(target.parent_path(), error);
-  if (!error && problem(hash)) fs::rename(incoming.path(), target, error);
-  if (error) throw core::StoreError(target.string() + ": cannot be written: " + error.message());
-  // Also where the object was there before: whoever wrote it may not have come to this line yet.
-  sync_folder(target.parent_path());
-  if (new_folder) sync_folder(folder());
+  const std::vector<unsigned char> bytes =
+      core::encode_image(std::string("object") + kExtension, image, {.pixel_type = core::PixelType::kHalf});
+  const ContentHash hash = hash_bytes(bytes);
+  place(hash, [&](const fs::path& target) {
+    core::write_file_atomically(target, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  });
   return hash;
+}
+
+std::uintmax_t ObjectFiles::adopt(const fs::path& file, const ContentHash& hash) const {
+  std::uintmax_t size = 0;
+  place(hash, [&](const fs::path& target) {
+    core::replace_file_atomically(target, [&](const fs::path& temporary) {
+      fs::copy_file(file, temporary);
+      if (hash_file(temporary) != hash) throw core::StoreError(file.string() + ": its bytes do not match its name");
+      size = fs::file_size(temporary);
+    });
+  });
+  return size;
 }
 
 std::optional<std::string> ObjectFiles::problem(const ContentHash& hash) const {

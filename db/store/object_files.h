@@ -19,8 +19,8 @@ class ObjectFiles {
  public:
   explicit ObjectFiles(std::filesystem::path store_folder) : store_folder_(std::move(store_folder)) {}
 
-  // Writes half floats, ZIP-compressed, and returns once file and name are durable. A sound object of that
-  // name is left alone, a damaged one is replaced. Throws BadInput for an image that is empty or not finite
+  // Writes half floats, ZIP-compressed, and returns once file and name are durable. What has that name already is replaced by the same bytes
+  // (so that it is as young as any new object). Throws BadInput for an image that is empty or not finite
   // or has more than 4 channels, StoreError when the disk fails.
   ContentHash write(core::ImageView image) const;
 
@@ -28,6 +28,10 @@ class ObjectFiles {
   core::Image read(const ContentHash& hash) const;
   // From the file's header alone, which does not prove the rest sound. Throws as read.
   core::ImageSize read_size(const ContentHash& hash) const;
+
+  // Copies a file here whose bytes match that name, durable when it returns; returns its size. Throws StoreError when they do not match (nothing has
+  // changed then) or the disk fails.
+  std::uintmax_t adopt(const std::filesystem::path& file, const ContentHash& hash) const;
 
   std::filesystem::path folder() const { return store_folder_ / "objects"; }
   std::filesystem::path path(const ContentHash& hash) const;
@@ -42,6 +46,9 @@ class ObjectFiles {
   Listing list() const;
 
  private:
+  template <class Write>
+  void place(const ContentHash& hash, const Write& write) const;
+
   std::filesystem::path store_folder_;
 };
 

@@ -169,6 +169,28 @@ std::vector<Scan> Store::scans() const {
   });
 }
 
+std::vector<ScanSummary> Store::scan_summaries() const {
+  return explaining(folder(), [&] {
+    std::vector<ScanSummary> all;
+    auto row = impl_->query(
+        "SELECT id, name, kind, created_utc, (SELECT COUNT(*) FROM steps WHERE scan_id = scans.id), "
+        "(SELECT COUNT(*) FROM frames WHERE scan_id = scans.id) FROM scans ORDER BY id");
+    while (row.executeStep()) {
+      ScanSummary scan;
+      scan.name = row.getColumn(1).getString();
+      scan.kind = parse_kind<ScanKind>(kScanKinds, row.getColumn(2).getString());
+      scan.created_utc = row.getColumn(3).getString();
+      scan.steps = std::size_t(row.getColumn(4).getInt64());
+      scan.frames = std::size_t(row.getColumn(5).getInt64());
+      auto cameras =
+          impl_->query("SELECT name FROM cameras WHERE scan_id = ? ORDER BY position", row.getColumn(0).getInt64());
+      while (cameras.executeStep()) scan.cameras.push_back(cameras.getColumn(0).getString());
+      all.push_back(std::move(scan));
+    }
+    return all;
+  });
+}
+
 std::vector<Product> Store::remove_scan(Id scan_id) {
   // The scan's own products, what others were made from it or from them, and the weights among these.
   const std::string heirs_and_weights =

@@ -116,7 +116,7 @@ TEST_CASE("a store of a newer version is refused and not touched") {
   CHECK_THROWS_AS(db::Store::open(path), core::StoreError);
   CHECK_THAT(
       message_of([&] { db::Store::open(path); }),
-      Equals(path.string() + ": this store has schema version 99, this program knows version 1; it was not touched. "
+      Equals(path.string() + ": this store has schema version 99, this program knows version 2; it was not touched. "
                              "Use the newer lightstage that made it"));
   CHECK(test::snapshot(path) == before);
 }

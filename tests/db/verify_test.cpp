@@ -220,7 +220,7 @@ TEST_CASE_METHOD(Fixture, "a catalogue with a foreign table or a dangling row is
     raw.exec("CREATE TABLE extra (x)");
     const auto errors = store.verify().errors;
     REQUIRE(errors.size() == 1);
-    CHECK(errors[0] == "catalogue: its tables are not those of schema version 1");
+    CHECK(errors[0] == "catalogue: its tables are not those of schema version 2");
   }
   SECTION("row") {
     raw.exec("PRAGMA foreign_keys = OFF");

@@ -1,0 +1,180 @@
+#include "cli/store_keeping.h"
+
+#include <memory>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "cli/context.h"
+#include "cli/format.h"
+#include "cli/options.h"
+#include "core/error.h"
+
+namespace lightstage::cli {
+
+namespace {
+
+std::string lines(const std::vector<std::string>& list, const std::string& before) {
+  std::string text;
+  for (const std::string& line : list) text += "  " + before + line + "\n";
+  return text;
+}
+
+std::string megabytes(std::uint64_t bytes) {
+  return fixed(double(bytes) * 1e-6, 1) + " MB";
+}
+
+void verify(const db::VerifyOptions& options, Context& context) {
+  const db::Store store = context.open_store();
+  const db::VerifyReport report = store.verify(options);
+  std::string text = std::to_string(report.frames) + " frames, " + std::to_string(report.objects) + " objects: " +
+                     (report.errors.empty() ? "all sound" : std::to_string(report.errors.size()) + " errors") + "\n";
+  if (report.scans_done_before > 0) {
+    text += "  " + std::to_string(report.scans_done_before) + " scans were verified before the interruption\n";
+  }
+  text += lines(report.errors, "") + lines(report.notes, "harmless: ");
+  context.result(text, {{"ok", report.errors.empty()},
+                        {"frames", report.frames},
+                        {"objects", report.objects},
+                        {"scans_done_before", report.scans_done_before},
+                        {"errors", report.errors},
+                        {"notes", report.notes}});
+  if (!report.errors.empty()) {
+    throw core::StoreError(store.folder().string() + ": " + std::to_string(report.errors.size()) +
+                           " errors found; `lightstage store repair` mends objects of which there is a sound copy");
+  }
+}
+
+void report_copy(const std::string& verb, const db::BackupReport& report, const std::filesystem::path& folder,
+                 const Context& context) {
+  context.result(verb + " " + folder.string() + ": " + std::to_string(report.objects) + " objects, " +
+                     std::to_string(report.copied) + " of them copied now (" + megabytes(report.copied_bytes) + ")\n" +
+                     lines(report.damaged, "damaged: "),
+                 {{"folder", folder.string()},
+                  {"objects", report.objects},
+                  {"copied", report.copied},
+                  {"copied_bytes", report.copied_bytes},
+                  {"damaged", report.damaged}});
+  if (!report.damaged.empty()) {
+    throw core::StoreError(
+        std::to_string(report.damaged.size()) +
+        " objects are missing or damaged where they were to be copied from; see `lightstage store repair`");
+  }
+}
+
+void repair(const std::vector<std::filesystem::path>& backups, Context& context) {
+  db::Store store = context.open_store();
+  const db::RepairReport report = store.repair(backups);
+  std::string text = report.mended.empty() && report.lost.empty()
+                         ? "nothing to repair\n"
+                         : std::to_string(report.mended.size()) + " mended, " + std::to_string(report.lost.size()) +
+                               " without a sound copy\n";
+  text += lines(report.mended, "mended: ") + lines(report.lost, "no copy: ");
+  context.result(text, {{"mended", report.mended}, {"lost", report.lost}});
+  if (!report.lost.empty()) {
+    throw core::StoreError(store.folder().string() + ": " + std::to_string(report.lost.size()) +
+                           " objects have no sound copy; name backups with --from, or take frames again "
+                           "(`lightstage capture`) and make again what was derived");
+  }
+}
+
+void collect_garbage(double hours, bool only_look, Context& context) {
+  db::Store store = context.open_store();
+  const auto age = std::chrono::seconds(std::int64_t(hours * 3600));
+  const db::GarbageReport report = store.collect_garbage(age, only_look);
+  std::string text = std::string(only_look ? "would remove " : "removed ") + std::to_string(report.objects) +
+                     " objects and " + std::to_string(report.files) + " left-over files, " + megabytes(report.bytes) +
+                     "\n";
+  if (report.kept_young > 0) {
+    text += "  " + std::to_string(report.kept_young) + " that nothing refers to are younger than " + fixed(hours, 1) +
+            " hours and stay (--older-than)\n";
+  }
+  context.result(text, {{"removed", !only_look},
+                        {"objects", report.objects},
+                        {"files", report.files},
+                        {"bytes", report.bytes},
+                        {"kept_young", report.kept_young}});
+}
+
+void add_verify(CLI::App& store, Context& context) {
+  CLI::App* command =
+      store.add_subcommand("verify", "Check every row and every object, and the step tables against the pictures");
+  command->fallthrough();
+  command->footer("Examples:\n  lightstage store verify\n  lightstage store verify head");
+  auto options = std::make_shared<db::VerifyOptions>();
+  command->add_option("SCAN", options->scans, "Only these scans, with what was derived from them [everything]");
+  command->add_flag("--resume", options->resume, "Go on with an interrupted verification of everything");
+  command->callback([options, &context] {
+    if (options->resume && !options->scans.empty()) {
+      throw core::UsageError("store verify: --resume goes on with a verification of everything; name no scans");
+    }
+    verify(*options, context);
+  });
+}
+
+void add_backup(CLI::App& store, Context& context) {
+  CLI::App* command = store.add_subcommand(
+      "backup", "Copy what a folder lacks of this store into it; others may use the store meanwhile");
+  command->fallthrough();
+  command->footer(
+      "Example:\n  lightstage store backup /mnt/disk/head-store\n\nThe same command brings the backup up to date, or "
+      "goes on after an interruption. A backup is a store: --store names it.");
+  auto folder = std::make_shared<std::filesystem::path>();
+  command->add_option("FOLDER", *folder, "Where the backup is, or will be")->required();
+  command->callback([folder, &context] {
+    const db::Store source = context.open_store();
+    report_copy("backed up to", source.back_up(*folder), *folder, context);
+  });
+}
+
+void add_restore(CLI::App& store, Context& context) {
+  CLI::App* command = store.add_subcommand("restore", "Make a store (--store) of a backup");
+  command->fallthrough();
+  command->footer("Example:\n  lightstage store restore /mnt/disk/head-store --store store-again");
+  auto backup = std::make_shared<std::filesystem::path>();
+  command->add_option("BACKUP", *backup, "Folder of the backup")->required();
+  command->callback([backup, &context] {
+    report_copy("restored", db::Store::restore(*backup, context.store_folder), context.store_folder, context);
+  });
+}
+
+void add_repair(CLI::App& store, Context& context) {
+  CLI::App* command = store.add_subcommand("repair", "Mend damaged and missing objects by sound copies");
+  command->fallthrough();
+  command->footer("Example:\n  lightstage store repair --from /mnt/disk/head-store");
+  auto backups = std::make_shared<std::vector<std::filesystem::path>>();
+  command->add_option("--from", *backups,
+                      "Backups to take sound copies from; without, only what interrupted writes left");
+  command->callback([backups, &context] { repair(*backups, context); });
+}
+
+void add_gc(CLI::App& store, Context& context) {
+  CLI::App* command =
+      store.add_subcommand("gc", "Remove objects that nothing refers to, and files that interrupted writes left");
+  command->fallthrough();
+  command->footer("Example:\n  lightstage store rm old --yes\n  lightstage store gc");
+  struct Options {
+    double hours = 24;
+    bool only_look = false;
+  };
+  auto options = std::make_shared<Options>();
+  command
+      ->add_option("--older-than", options->hours,
+                   "Hours since they were written; 0 only when no other program works on the store")
+      ->capture_default_str()
+      ->check(number_between(0.0, 1e6));
+  command->add_flag("--dry-run", options->only_look, "Only say what would be removed");
+  command->callback([options, &context] { collect_garbage(options->hours, options->only_look, context); });
+}
+
+}  // namespace
+
+void add_store_keeping(CLI::App& store, Context& context) {
+  add_verify(store, context);
+  add_backup(store, context);
+  add_restore(store, context);
+  add_repair(store, context);
+  add_gc(store, context);
+}
+
+}  // namespace lightstage::cli

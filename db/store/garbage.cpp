@@ -1,0 +1,64 @@
+// Store: removing what nothing refers to.
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "core/progress.h"
+#include "db/store/impl.h"
+#include "db/store/scan_contents.h"
+
+namespace lightstage::db {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+// Nothing when the file is not there (any more).
+std::optional<std::chrono::seconds> age_of(const fs::path& file) {
+  std::error_code error;
+  const auto written = fs::last_write_time(file, error);
+  if (error) return std::nullopt;
+  return std::chrono::duration_cast<std::chrono::seconds>(fs::file_time_type::clock::now() - written);
+}
+
+}  // namespace
+
+GarbageReport Store::collect_garbage(std::chrono::seconds age, bool only_look) {
+  require_writable();
+  GarbageReport report;
+  const ObjectFiles::Listing listing = impl_->objects.list();
+  const auto remove = [&](const fs::path& file, std::size_t& count) {
+    const std::optional<std::chrono::seconds> old = age_of(file);
+    if (!old) return false;
+    if (*old < age) {
+      ++report.kept_young;
+      return false;
+    }
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(file, error);
+    if (!only_look) fs::remove(file, error);
+    if (error) throw core::StoreError(file.string() + ": cannot be removed: " + error.message());
+    ++count;
+    report.bytes += size;
+    return true;
+  };
+  // Writers enter their rows only while no batch is under way, and find out then that an object has gone (Impl::know_object).
+  constexpr std::size_t kBatch = 256;
+  core::Progress progress("looking for what nothing refers to", listing.objects.size());
+  for (std::size_t begin = 0; begin < listing.objects.size(); begin += kBatch) {
+    core::throw_if_interrupted();
+    const std::size_t end = std::min(listing.objects.size(), begin + kBatch);
+    impl_->write([&] {
+      for (std::size_t i = begin; i < end; ++i) {
+        const ContentHash& hash = listing.objects[i];
+        if (is_referred_to(impl_->database, hash)) continue;
+        if (remove(impl_->objects.path(hash), report.objects) && !only_look) {
+          impl_->change("DELETE FROM objects WHERE hash = ?", hash);
+        }
+      }
+    });
+    progress.advance(end - begin);
+  }
+  for (const fs::path& stranger : listing.strangers) remove(stranger, report.files);
+  return report;
+}
+
+}  // namespace lightstage::db

@@ -1,0 +1,300 @@
+// Backups, restoring, repair, removing what nothing refers to, and verification in parts.
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <catch2/catch.hpp>
+#include <thread>
+
+#include "core/error.h"
+#include "core/interrupt.h"
+#include "db/scene.h"
+#include "db/store.h"
+#include "support/support.h"
+
+using namespace lightstage;
+using Catch::Matchers::Contains;
+using Catch::Matchers::Equals;
+using test::message_of;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kLights = 6;
+
+void add_pass(db::Store& store, const std::string& name) {
+  const db::Id scan_id = store.add_scan(test::olat_scan(name, kLights));
+  for (int i = 0; i < kLights; ++i) {
+    store.put_frame({.scan_id = scan_id, .camera = "main", .step_index = i},
+                    test::half_pattern(9, 7, 3, int(scan_id) * 100 + i));
+  }
+}
+
+struct Fixture {
+  test::TemporaryFolder folder;
+  db::Store store = db::Store::create(folder / "store");
+
+  Fixture() {
+    add_pass(store, "head");
+    db::NewProduct mask;
+    mask.kind = "mask";
+    mask.scan_id = store.scan("head").id;
+    mask.images = {{"mask", 0, store.put_object(test::half_pattern(9, 7, 1, 7)), 0}};
+    store.add_product(mask);
+  }
+  fs::path object_of(std::size_t step) const {
+    return store.object_path(store.frames(store.scan("head").id).at(step).object);
+  }
+  void flip_a_bit(const fs::path& file) const {
+    std::string bytes = test::read_text(file);
+    bytes[bytes.size() / 2] = char(bytes[bytes.size() / 2] ^ 4);
+    test::write_text(file, bytes);
+  }
+};
+
+std::map<std::string, std::string> objects_in(const fs::path& store) {
+  std::map<std::string, std::string> files;
+  for (const auto& [name, bytes] : test::snapshot(store / "objects")) {
+    if (fs::is_regular_file(store / "objects" / name)) files[name] = bytes;
+  }
+  return files;
+}
+
+constexpr std::chrono::hours kDay{24};
+
+}  // namespace
+
+TEST_CASE_METHOD(Fixture, "a backup is the same store, and takes only what is new the next time") {
+  const db::BackupReport first = store.back_up(folder / "backup");
+  CHECK(first.objects == kLights + 1);
+  CHECK(first.copied == kLights + 1);
+  CHECK(first.copied_bytes > 0);
+  CHECK(first.damaged.empty());
+  CHECK(objects_in(folder / "backup") == objects_in(folder / "store"));
+  {
+    const db::Store backup = db::Store::open(folder / "backup");
+    CHECK(backup.verify().errors == std::vector<std::string>());
+    CHECK(backup.verify().notes == std::vector<std::string>());
+    CHECK(backup.scan("head").steps.size() == kLights);
+  }
+  add_pass(store, "second");
+  const db::BackupReport again = store.back_up(folder / "backup");
+  CHECK(again.objects == 2 * kLights + 1);
+  CHECK(again.copied == kLights);
+  CHECK(db::Store::open(folder / "backup").scan("second").steps.size() == kLights);
+  CHECK(store.back_up(folder / "backup").copied == 0);
+}
+
+TEST_CASE_METHOD(Fixture, "models that the store keeps are backed up too") {
+  fs::create_directory(folder / "store/models");
+  test::write_text(folder / "store/models/a.safetensors", "first");
+  store.back_up(folder / "backup");
+  CHECK(test::read_text(folder / "backup/models/a.safetensors") == "first");
+  test::write_text(folder / "store/models/a.safetensors", "second model");
+  store.back_up(folder / "backup");
+  CHECK(test::read_text(folder / "backup/models/a.safetensors") == "second model");
+}
+
+TEST_CASE_METHOD(Fixture, "a backup does not go into the store itself nor into another one") {
+  CHECK_THAT(message_of([&] { store.back_up(folder / "store"); }), Contains("this is the store itself"));
+  { db::Store other = db::Store::create(folder / "other"); }
+  const auto before = test::snapshot(folder / "other");
+  CHECK_THROWS_AS(store.back_up(folder / "other"), core::UsageError);
+  CHECK_THAT(message_of([&] { store.back_up(folder / "other"); }), Contains("another store"));
+  CHECK(test::snapshot(folder / "other") == before);
+}
+
+TEST_CASE_METHOD(Fixture, "a damaged object does not spoil the sound copy that a backup holds") {
+  store.back_up(folder / "backup");
+  const auto sound = objects_in(folder / "backup");
+  flip_a_bit(object_of(2));
+  CHECK(store.back_up(folder / "backup").damaged.empty());  // it lacks nothing
+  CHECK(objects_in(folder / "backup") == sound);
+
+  const db::BackupReport elsewhere = store.back_up(folder / "late");
+  REQUIRE(elsewhere.damaged.size() == 1);
+  CHECK_THAT(elsewhere.damaged[0], Contains("scan 'head', step 2, camera 'main': object") && Contains("is damaged"));
+  CHECK(elsewhere.copied == kLights);
+}
+
+TEST_CASE_METHOD(Fixture, "a restored store has everything, and can be backed up to where it came from") {
+  store.back_up(folder / "backup");
+  db::Store::restore(folder / "backup", folder / "again");
+  const db::Store again = db::Store::open(folder / "again");
+  CHECK(again.verify().errors == std::vector<std::string>());
+  CHECK(objects_in(folder / "again") == objects_in(folder / "store"));
+  CHECK(again.newest_product("mask", again.scan("head").id).has_value());
+  CHECK(again.back_up(folder / "backup").copied == 0);
+  CHECK_THROWS_AS(db::Store::restore(folder / "backup", folder / "again"), core::UsageError);
+  CHECK_THROWS_AS(db::Store::restore(folder / "nowhere", folder / "new"), core::StoreError);
+}
+
+TEST_CASE_METHOD(Fixture, "an interrupted backup leaves the earlier one whole, and goes on") {
+  store.back_up(folder / "backup");
+  add_pass(store, "second");
+  // A folder where an object belongs: copying fails there, as it does on a full disk.
+  const fs::path blocked =
+      folder / "backup/objects" /
+      fs::relative(store.object_path(store.frames(store.scan("second").id)[3].object), folder / "store/objects");
+  fs::create_directories(blocked.parent_path());
+  fs::create_symlink("/nowhere/at/all", blocked);
+  CHECK_THROWS_AS(store.back_up(folder / "backup"), core::StoreError);
+  {
+    const db::Store backup = db::Store::open(folder / "backup");
+    CHECK_FALSE(backup.find_scan("second"));
+    CHECK(backup.verify().errors == std::vector<std::string>());
+  }
+  fs::remove(blocked);
+  store.back_up(folder / "backup");
+  CHECK(db::Store::open(folder / "backup").verify().errors == std::vector<std::string>());
+  CHECK(objects_in(folder / "backup") == objects_in(folder / "store"));
+}
+
+TEST_CASE_METHOD(Fixture, "a store that is written to meanwhile gives a whole backup") {
+  std::thread writer([&] {
+    db::Store other = db::Store::open(folder / "store");
+    for (int i = 0; i < 4; ++i) add_pass(other, "pass" + std::to_string(i));
+  });
+  for (int i = 0; i < 5; ++i) {
+    store.back_up(folder / "backup");
+    const db::VerifyReport report = db::Store::open(folder / "backup").verify();
+    // A pass may be caught in the middle; what was acknowledged is there.
+    for (const std::string& error : report.errors) CHECK_THAT(error, Contains("the frame is missing"));
+  }
+  writer.join();
+  store.back_up(folder / "backup");
+  CHECK(db::Store::open(folder / "backup").verify().errors == std::vector<std::string>());
+}
+
+TEST_CASE_METHOD(Fixture, "repair mends from backups and from what interrupted writes left, and nothing else changes") {
+  store.back_up(folder / "backup");
+  const auto sound = objects_in(folder / "store");
+  CHECK(store.repair({}).mended.empty());
+  flip_a_bit(object_of(0));
+  fs::resize_file(object_of(1), 10);
+  fs::remove(object_of(2));
+  fs::rename(object_of(3), folder / "store/objects/incoming-1-2.exr");
+
+  db::RepairReport report = store.repair({});
+  REQUIRE(report.mended.size() == 1);
+  CHECK_THAT(report.mended[0], Contains("scan 'head', step 3, camera 'main'") && Contains("is missing"));
+  REQUIRE(report.lost.size() == 3);
+  CHECK(fs::file_size(object_of(1)) == 10);  // what is left of it stays
+
+  report = store.repair({folder / "backup"});
+  CHECK(report.mended.size() == 3);
+  CHECK(report.lost.empty());
+  CHECK(store.verify().errors == std::vector<std::string>());
+  fs::remove(folder / "store/objects/incoming-1-2.exr");
+  CHECK(objects_in(folder / "store") == sound);
+}
+
+TEST_CASE_METHOD(Fixture, "repair takes nothing from a damaged backup") {
+  store.back_up(folder / "backup");
+  const fs::path copy = folder / "backup/objects" / fs::relative(object_of(4), folder / "store/objects");
+  flip_a_bit(copy);
+  fs::remove(object_of(4));
+  const db::RepairReport report = store.repair({folder / "backup"});
+  CHECK(report.mended.empty());
+  CHECK(report.lost.size() == 1);
+  CHECK_FALSE(fs::exists(object_of(4)));
+  CHECK_THROWS_AS(store.repair({folder / "nowhere"}), core::UsageError);
+}
+
+TEST_CASE_METHOD(Fixture, "only what nothing refers to is removed, and only when it is old") {
+  const auto before = objects_in(folder / "store");
+  const db::ContentHash orphan = store.put_object(test::half_pattern(30, 30, 3, 99));
+  test::write_text(folder / "store/objects/incoming-3-4.exr", "half written");
+
+  db::GarbageReport report = store.collect_garbage(kDay);
+  CHECK(report.objects == 0);
+  CHECK(report.files == 0);
+  CHECK(report.kept_young == 2);
+  report = store.collect_garbage(std::chrono::seconds(0), true);
+  CHECK(report.objects == 1);
+  CHECK(report.files == 1);
+  CHECK(fs::exists(store.object_path(orphan)));
+
+  const auto old = fs::file_time_type::clock::now() - 2 * kDay;
+  for (const auto& [name, bytes] : objects_in(folder / "store"))
+    fs::last_write_time(folder / "store/objects" / name, old);
+  report = store.collect_garbage(kDay);
+  CHECK(report.objects == 1);
+  CHECK(report.files == 1);
+  CHECK(report.bytes > 0);
+  CHECK(objects_in(folder / "store") == before);
+  CHECK(store.verify().notes == std::vector<std::string>());
+}
+
+TEST_CASE_METHOD(Fixture, "an object that is stored again is young again") {
+  const db::ContentHash orphan = store.put_object(test::half_pattern(30, 30, 3, 99));
+  fs::last_write_time(store.object_path(orphan), fs::file_time_type::clock::now() - 2 * kDay);
+  CHECK(store.put_object(test::half_pattern(30, 30, 3, 99)) == orphan);
+  CHECK(store.collect_garbage(kDay).objects == 0);
+}
+
+TEST_CASE_METHOD(Fixture, "objects of a removed scan go, those that others share stay") {
+  add_pass(store, "second");
+  const auto kept = objects_in(folder / "store");
+  db::NewScan third = test::olat_scan("third", 2);
+  const db::Id id = store.add_scan(third);
+  store.put_frame({.scan_id = id, .camera = "main", .step_index = 0}, test::half_pattern(9, 7, 3, 5000));
+  store.add_frame({.scan_id = id, .camera = "main", .step_index = 1}, store.frames(store.scan("second").id)[0].object);
+  store.remove_scan(id);
+  CHECK(store.collect_garbage(std::chrono::seconds(0)).objects == 1);
+  CHECK(objects_in(folder / "store") == kept);
+}
+
+TEST_CASE_METHOD(Fixture, "single scans are verified by themselves") {
+  add_pass(store, "second");
+  flip_a_bit(object_of(5));
+  CHECK(store.verify({.scans = {"second"}}).errors.empty());
+  const db::VerifyReport head = store.verify({.scans = {"head"}});
+  CHECK(head.errors.size() == 1);
+  CHECK(head.frames == kLights);
+  CHECK(head.objects == kLights + 1);
+  CHECK_THROWS_AS(store.verify({.scans = {"nobody"}}), core::UsageError);
+}
+
+TEST_CASE_METHOD(Fixture, "a verification goes on after the scans that were done") {
+  add_pass(store, "second");
+  flip_a_bit(object_of(5));
+  const db::VerifyReport whole = store.verify();
+  REQUIRE(whole.errors.size() == 1);
+  // As an interruption after the first scan leaves it.
+  test::write_text(folder / "store/verify.json", "{\"scans_done\": [" + std::to_string(store.scan("head").id) +
+                                                     "], \"frames\": 6, \"errors\": [\"" + whole.errors[0] + "\"]}");
+  const db::VerifyReport resumed = store.verify({.resume = true});
+  CHECK(resumed.scans_done_before == 1);
+  CHECK(resumed.errors == whole.errors);
+  CHECK(resumed.frames == whole.frames);
+  CHECK(resumed.objects == whole.objects);
+  CHECK(resumed.notes == whole.notes);
+  CHECK_FALSE(fs::exists(folder / "store/verify.json"));
+  // A damaged note of the interruption, or none, only means to start anew.
+  test::write_text(folder / "store/verify.json", "{\"scans_done\": [1");
+  CHECK(store.verify({.resume = true}).scans_done_before == 0);
+}
+
+TEST_CASE_METHOD(Fixture, "every owner of a damaged object is named") {
+  const db::Id id = store.add_scan(test::olat_scan("second", 1));
+  store.add_frame({.scan_id = id, .camera = "main", .step_index = 0}, store.frames(store.scan("head").id)[1].object);
+  flip_a_bit(object_of(1));
+  const auto errors = store.verify().errors;
+  REQUIRE(errors.size() == 2);
+  CHECK_THAT(errors[0], Contains("scan 'head', step 1"));
+  CHECK_THAT(errors[1], Contains("scan 'second', step 0"));
+}
+
+TEST_CASE("counts of scans are those of their rows") {
+  const test::TemporaryFolder folder;
+  db::Store store = db::Store::create(folder / "store");
+  CHECK(store.scan_summaries().empty());
+  add_pass(store, "head");
+  store.add_scan(test::olat_scan("empty", 3));
+  const auto summaries = store.scan_summaries();
+  REQUIRE(summaries.size() == 2);
+  CHECK(summaries[0].name == "head");
+  CHECK(summaries[0].steps == kLights);
+  CHECK(summaries[0].frames == kLights);
+  CHECK(summaries[1].frames == 0);
+  CHECK(summaries[1].steps == 3);
+  CHECK(summaries[1].cameras == std::vector<std::string>{"main"});
+}
