@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <new>
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
@@ -158,6 +159,10 @@ int run(const std::vector<std::string>& arguments, std::ostream& out) {
   } catch (const core::Error& error) {
     std::cerr << "lightstage: " << on_one_line(error.what()) << "\n";
     return core::exit_code(error.kind());
+  } catch (const std::bad_alloc&) {
+    std::cerr
+        << "lightstage: out of memory; what this command had not finished is left as it was or can be gone on with\n";
+    return core::exit_code(core::ErrorKind::kInternal);
   } catch (const std::exception& error) {
     std::cerr << "lightstage: internal error: " << on_one_line(error.what()) << "\n";
     return core::exit_code(core::ErrorKind::kInternal);

@@ -108,6 +108,19 @@ void write_file_atomically(const fs::path& path, std::string_view bytes) {
   });
 }
 
+void move_file_durably(const fs::path& temporary, const fs::path& path) {
+  {
+    FileDescriptor file(temporary, O_RDONLY);
+    if (!file.is_open() || fsync(file.get()) != 0 || !file.close()) throw system_failure("cannot write", path);
+  }
+  const fs::path target = target_of(path);
+  if (std::rename(temporary.c_str(), target.c_str()) != 0) throw system_failure("cannot write", path);
+  const FileDescriptor folder(folder_of(target), O_RDONLY | O_DIRECTORY);
+  // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
+  if (!folder.is_open() || (fsync(folder.get()) != 0 && errno != EINVAL))
+    throw system_failure("cannot sync the folder of", path);
+}
+
 void make_folder(const fs::path& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -140,19 +153,6 @@ fs::path temporary_beside(const fs::path& path) {
   char name[40];
   std::snprintf(name, sizeof name, ".lightstage-%08x%08x", random(), random());
   return folder / (name + path.extension().string());
-}
-
-void commit(const fs::path& temporary, const fs::path& path) {
-  {
-    FileDescriptor file(temporary, O_RDONLY);
-    if (!file.is_open() || fsync(file.get()) != 0 || !file.close()) throw system_failure("cannot write", path);
-  }
-  const fs::path target = target_of(path);
-  if (std::rename(temporary.c_str(), target.c_str()) != 0) throw system_failure("cannot write", path);
-  const FileDescriptor folder(folder_of(target), O_RDONLY | O_DIRECTORY);
-  // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
-  if (!folder.is_open() || (fsync(folder.get()) != 0 && errno != EINVAL))
-    throw system_failure("cannot sync the folder of", path);
 }
 
 void discard(const fs::path& temporary) noexcept {

@@ -22,6 +22,10 @@ void write_file_atomically(const std::filesystem::path& path, std::string_view b
 template <class Write>
 void replace_file_atomically(const std::filesystem::path& path, Write&& write);
 
+// Syncs the file and moves it to another name on the same file system, in the place of what stands there, durably. Throws as
+// write_file_atomically.
+void move_file_durably(const std::filesystem::path& from, const std::filesystem::path& to);
+
 // Makes the folder, with those above it, where there is none. BadInput where that cannot be.
 void make_folder(const std::filesystem::path& folder);
 
@@ -30,7 +34,6 @@ std::filesystem::path temporary_folder();
 
 namespace file_detail {
 std::filesystem::path temporary_beside(const std::filesystem::path& path);
-void commit(const std::filesystem::path& temporary, const std::filesystem::path& path);
 void discard(const std::filesystem::path& temporary) noexcept;
 }  // namespace file_detail
 
@@ -39,7 +42,7 @@ void replace_file_atomically(const std::filesystem::path& path, Write&& write) {
   const std::filesystem::path temporary = file_detail::temporary_beside(path);
   try {
     write(temporary);
-    file_detail::commit(temporary, path);
+    move_file_durably(temporary, path);
   } catch (...) {
     file_detail::discard(temporary);
     throw;

@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <exception>
 #include <mutex>
+#include <new>
 
 #include "core/clock.h"
 #include "core/progress_bar/line.h"
@@ -137,9 +138,13 @@ Progress::~Progress() {
   Console& console = Console::instance();
   if (console.quiet) return;
   const bool finished = std::uncaught_exceptions() <= state_->exceptions_at_start;
-  console.clear_bar();
-  state_->with_reading(
-      [&](const progress_bar::Reading& r) { console.print_line(progress_bar::end_line(r, finished)); });
+  try {
+    console.clear_bar();
+    state_->with_reading(
+        [&](const progress_bar::Reading& r) { console.print_line(progress_bar::end_line(r, finished)); });
+  } catch (const std::bad_alloc&) {
+    // For want of memory a line is missing, no more.
+  }
 }
 
 void Progress::advance(std::size_t n) {

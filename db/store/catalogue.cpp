@@ -11,6 +11,7 @@
 #include <stdlib.h>
 
 #include "core/file.h"
+#include "core/file_lock.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
 
@@ -29,8 +30,8 @@ struct Identity {
 
 struct ScratchFolder {
   fs::path path;
-  ScratchFolder() {
-    std::string pattern = (core::temporary_folder() / "lightstage-look-XXXXXX").string();
+  explicit ScratchFolder(const fs::path& parent) {
+    std::string pattern = (parent / ".lightstage-XXXXXX").string();
     if (::mkdtemp(pattern.data()) == nullptr) {
       throw core::StoreError(pattern + ": cannot make a temporary folder: " + std::strerror(errno));
     }
@@ -55,7 +56,7 @@ std::optional<Identity> identity_with_log(const fs::path& database) {
   const fs::path log = database.string() + "-wal";
   std::error_code error;
   if (!fs::exists(log, error) || fs::file_size(log, error) == 0 || error) return std::nullopt;
-  const ScratchFolder scratch;
+  const ScratchFolder scratch(core::temporary_folder());
   const fs::path copy = scratch.path / "look.sqlite";
   {
     constexpr std::size_t kLargestPage = 65536;
@@ -115,14 +116,24 @@ fs::path catalogue_path(const fs::path& store_folder) {
 SQLite::Database create_catalogue(const fs::path& store_folder) {
   return explaining(store_folder, [&] {
     const fs::path path = catalogue_path(store_folder);
-    const auto refuse_existing = [&] { throw core::UsageError(store_folder.string() + ": there is a store already"); };
+    // Of two that create at once, the second finds a store.
+    const core::FileLock alone(store_folder);
     std::error_code none;
-    if (fs::exists(path, none) && !fs::is_empty(path, none)) refuse_existing();
-    SQLite::Database database(path.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE, kBusyTimeoutMs);
-    // The schema comes in one transaction before anything else is written: a crash leaves either an empty
-    // file, which the next `create` fills, or a whole store. Of two that create at once, the second finds
-    // nothing left to do here.
-    if (!migrate(database)) refuse_existing();
+    if (fs::exists(path, none) && !fs::is_empty(path, none)) {
+      throw core::UsageError(store_folder.string() + ": there is a store already");
+    }
+    {
+      // Made elsewhere and moved in whole, so that a crash leaves a store or none.
+      const ScratchFolder scratch(store_folder);
+      const fs::path made = scratch.path / path.filename();
+      {
+        SQLite::Database database(made.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+        migrate(database);
+        configure(database, store_folder);
+      }
+      core::move_file_durably(made, path);
+    }
+    SQLite::Database database(path.string(), SQLite::OPEN_READWRITE, kBusyTimeoutMs);
     configure(database, store_folder);
     return database;
   });

@@ -1,0 +1,371 @@
+// Preloaded into a program: counts the calls by which it changes files below a folder, and at a chosen one kills the program, makes the call fail, or
+// only writes down what is done. Told by environment variables:
+//   LIGHTSTAGE_FAULT_FOLDER   the folder, absolute
+//   LIGHTSTAGE_FAULT          count              count only
+//                             kill N             SIGKILL before the N-th call (from 1); of a write, every other time after half of it
+//                             fail N ERRNO       the N-th call fails with that error
+//                             full N             from the N-th call on the disk is full: all that makes files grow fails with ENOSPC, a write
+//                                                after half of it
+//                             memory N           the N-th allocation by operator new after the first change fails
+//   LIGHTSTAGE_FAULT_COUNT    file that holds the number of calls when the program ends
+//   LIGHTSTAGE_FAULT_RECORD   file to which every change is appended, in the order of happening (tests/fault/record.h)
+#include <dlfcn.h>
+#include <fcntl.h>
+#include <sys/sendfile.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <cerrno>
+#include <climits>
+#include <csignal>
+#include <cstdarg>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <mutex>
+#include <new>
+#include <string>
+
+#include "fault/record.h"
+
+namespace {
+
+using lightstage::fault::RecordHeader;
+using lightstage::fault::RecordKind;
+
+enum class Mode { kCount, kKill, kFail, kFull, kMemory };
+
+template <class Function>
+Function real(const char* name) {
+  return reinterpret_cast<Function>(dlsym(RTLD_NEXT, name));
+}
+
+class Fault {
+ public:
+  Fault() {
+    const char* folder = std::getenv("LIGHTSTAGE_FAULT_FOLDER");
+    const char* what = std::getenv("LIGHTSTAGE_FAULT");
+    if (folder == nullptr || what == nullptr) return;
+    folder_ = folder;
+    char mode[16] = "";
+    std::sscanf(what, "%15s %ld %d", mode, &at_, &error_);
+    if (std::strcmp(mode, "kill") == 0) mode_ = Mode::kKill;
+    if (std::strcmp(mode, "fail") == 0) mode_ = Mode::kFail;
+    if (std::strcmp(mode, "full") == 0) mode_ = Mode::kFull;
+    if (std::strcmp(mode, "memory") == 0) mode_ = Mode::kMemory;
+    if (const char* file = std::getenv("LIGHTSTAGE_FAULT_RECORD")) {
+      record_ = int(syscall(SYS_openat, AT_FDCWD, file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
+    }
+    active_ = true;
+  }
+  void finish() {
+    const char* file = std::getenv("LIGHTSTAGE_FAULT_COUNT");
+    if (!active_ || file == nullptr) return;
+    active_ = false;
+    char text[64];
+    const int length = std::snprintf(text, sizeof text, "%ld %ld\n", calls_, allocations_.load());
+    const int out = int(syscall(SYS_openat, AT_FDCWD, file, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
+    if (out >= 0 && syscall(SYS_write, out, text, length) != length) std::abort();
+    if (out >= 0) syscall(SYS_close, out);
+  }
+
+  bool concerns(const std::string& path) const {
+    return active_ && path.size() > folder_.size() && path.compare(0, folder_.size(), folder_) == 0 &&
+           path[folder_.size()] == '/' && !path.ends_with("-shm");
+  }
+  std::string path_of(int fd) const {
+    if (!active_) return {};
+    char link[40], target[PATH_MAX];
+    std::snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    const ssize_t length = readlink(link, target, sizeof target);
+    return length > 0 ? std::string(target, std::size_t(length)) : std::string();
+  }
+  std::string absolute(const char* path) const {
+    if (!active_) return {};
+    if (path[0] == '/') return path;
+    char here[PATH_MAX];
+    return getcwd(here, sizeof here) == nullptr ? std::string(path) : std::string(here) + "/" + path;
+  }
+
+  // 0: go on; else the errno with which this call fails. `half` is set where a write is to be done by half first. `grows` says that the call needs room
+  // on the disk.
+  int next(bool grows, bool* half = nullptr) {
+    ++calls_;
+    if (mode_ == Mode::kKill && calls_ == at_) {
+      if (half != nullptr && at_ % 2 == 0) {
+        *half = true;
+        return 0;
+      }
+      die();
+    }
+    if (mode_ == Mode::kFail && calls_ == at_) return error_;
+    if (mode_ == Mode::kFull && calls_ >= at_ && grows) {
+      if (half != nullptr && calls_ == at_) *half = true;
+      return ENOSPC;
+    }
+    return 0;
+  }
+  bool kills() const { return mode_ == Mode::kKill; }
+  [[noreturn]] static void die() {
+    raise(SIGKILL);
+    std::abort();
+  }
+
+  void note(RecordKind kind, const std::string& path, const std::string& to = {}, std::uint64_t offset = 0,
+            const void* data = nullptr, std::size_t length = 0) const {
+    if (record_ < 0) return;
+    const RecordHeader header{
+        std::uint32_t(kind), std::uint32_t(path.size()), std::uint32_t(to.size()), 0, offset, length};
+    iovec parts[] = {{const_cast<RecordHeader*>(&header), sizeof header},
+                     {const_cast<char*>(path.data()), path.size()},
+                     {const_cast<char*>(to.data()), to.size()},
+                     {const_cast<void*>(data), length}};
+    const std::size_t total = sizeof header + path.size() + to.size() + length;
+    if (syscall(SYS_writev, record_, parts, 4) != long(total)) std::abort();
+  }
+
+  bool allocation_fails() {
+    if (!active_ || mode_ != Mode::kMemory || calls_ == 0) {
+      if (active_ && calls_ > 0) ++allocations_;
+      return false;
+    }
+    return ++allocations_ == at_;
+  }
+
+  std::mutex mutex;  // changes happen, and are noted, one after the other
+
+ private:
+  bool active_ = false;
+  Mode mode_ = Mode::kCount;
+  std::string folder_;
+  long at_ = 0, calls_ = 0;
+  int error_ = EIO, record_ = -1;
+  std::atomic<long> allocations_ = 0;
+};
+
+// Allocates itself: what allocates while it is made must not wait for it.
+std::atomic<Fault*> ready = nullptr;
+
+Fault& fault() {
+  static Fault* const instance = new Fault;
+  ready = instance;
+  return *instance;
+}
+
+// At the end of the program, after all other destructors of static objects that write.
+__attribute__((destructor)) void finish() {
+  if (Fault* instance = ready) instance->finish();
+}
+
+int failed(int error) {
+  errno = error;
+  return -1;
+}
+
+// A write at an offset, in all its forms.
+template <class Write>
+ssize_t checked_write(int fd, const void* data, std::size_t length, std::int64_t offset, const Write& write) {
+  const std::string path = fault().path_of(fd);
+  if (!fault().concerns(path)) return write(length);
+  const std::lock_guard lock(fault().mutex);
+  bool half = false;
+  const int error = fault().next(true, &half);
+  if (half) {
+    const ssize_t written = write(length / 2);
+    if (fault().kills()) Fault::die();
+    if (written > 0) {
+      fault().note(RecordKind::kWrite, path, {}, std::uint64_t(offset), data, std::size_t(written));
+      return written;
+    }
+  }
+  if (error != 0) return failed(error);
+  const ssize_t written = write(length);
+  if (written > 0) fault().note(RecordKind::kWrite, path, {}, std::uint64_t(offset), data, std::size_t(written));
+  return written;
+}
+
+template <class Sync>
+int checked_sync(int fd, const Sync& sync) {
+  const std::string path = fault().path_of(fd);
+  if (!fault().concerns(path + "/") && !fault().concerns(path)) return sync();
+  const std::lock_guard lock(fault().mutex);
+  if (const int error = fault().next(false)) return failed(error);
+  const int result = sync();
+  if (result == 0) fault().note(RecordKind::kSync, path);
+  return result;
+}
+
+template <class Open>
+int checked_open(const std::string& path, int flags, const Open& open) {
+  if ((flags & (O_CREAT | O_TRUNC)) == 0 || !fault().concerns(path)) return open();
+  const std::lock_guard lock(fault().mutex);
+  struct stat status {};
+  const bool there = stat(path.c_str(), &status) == 0;
+  if (there && (flags & O_TRUNC) == 0) return open();
+  if (const int error = fault().next(true)) return failed(error);
+  const int fd = open();
+  if (fd >= 0) {
+    if (!there) {
+      fault().note(RecordKind::kCreate, path);
+    } else {
+      fault().note(RecordKind::kTruncate, path, {}, 0);
+    }
+  }
+  return fd;
+}
+
+// A change of names: of one, or of one to another.
+template <class Change>
+int checked_change(RecordKind kind, const std::string& path, const std::string& to, bool grows, const Change& change) {
+  if (!fault().concerns(path) && !fault().concerns(to)) return change();
+  const std::lock_guard lock(fault().mutex);
+  if (const int error = fault().next(grows)) return failed(error);
+  const int result = change();
+  if (result == 0) fault().note(kind, path, to);
+  return result;
+}
+
+template <class Truncate>
+int checked_truncate(int fd, off_t size, const Truncate& truncate) {
+  const std::string path = fault().path_of(fd);
+  if (!fault().concerns(path)) return truncate();
+  const std::lock_guard lock(fault().mutex);
+  if (const int error = fault().next(true)) return failed(error);
+  const int result = truncate();
+  if (result == 0) fault().note(RecordKind::kTruncate, path, {}, std::uint64_t(size));
+  return result;
+}
+
+}  // namespace
+
+extern "C" {
+
+int open(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(arguments, mode_t) : 0;
+  va_end(arguments);
+  static const auto next = real<int (*)(const char*, int, ...)>("open");
+  return checked_open(fault().absolute(path), flags, [&] { return next(path, flags, mode); });
+}
+
+int open64(const char* path, int flags, ...) {
+  va_list arguments;
+  va_start(arguments, flags);
+  const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(arguments, mode_t) : 0;
+  va_end(arguments);
+  static const auto next = real<int (*)(const char*, int, ...)>("open64");
+  return checked_open(fault().absolute(path), flags, [&] { return next(path, flags, mode); });
+}
+
+ssize_t write(int fd, const void* data, size_t length) {
+  static const auto next = real<ssize_t (*)(int, const void*, size_t)>("write");
+  return checked_write(fd, data, length, lseek(fd, 0, SEEK_CUR), [&](size_t n) { return next(fd, data, n); });
+}
+
+ssize_t pwrite(int fd, const void* data, size_t length, off_t offset) {
+  static const auto next = real<ssize_t (*)(int, const void*, size_t, off_t)>("pwrite");
+  return checked_write(fd, data, length, offset, [&](size_t n) { return next(fd, data, n, offset); });
+}
+
+ssize_t pwrite64(int fd, const void* data, size_t length, off64_t offset) {
+  static const auto next = real<ssize_t (*)(int, const void*, size_t, off64_t)>("pwrite64");
+  return checked_write(fd, data, length, offset, [&](size_t n) { return next(fd, data, n, offset); });
+}
+
+ssize_t writev(int fd, const iovec* parts, int count) {
+  static const auto next = real<ssize_t (*)(int, const iovec*, int)>("writev");
+  if (!fault().concerns(fault().path_of(fd))) return next(fd, parts, count);
+  std::string whole;
+  for (int i = 0; i < count; ++i) whole.append(static_cast<const char*>(parts[i].iov_base), parts[i].iov_len);
+  return write(fd, whole.data(), whole.size());
+}
+
+// Copies of files: as a write of what was read.
+ssize_t sendfile(int out, int in, off_t* offset, size_t length) {
+  static const auto next = real<ssize_t (*)(int, int, off_t*, size_t)>("sendfile");
+  if (!fault().concerns(fault().path_of(out))) return next(out, in, offset, length);
+  std::string block(std::min<size_t>(length, 1 << 20), '\0');
+  const ssize_t got =
+      offset != nullptr ? pread(in, block.data(), block.size(), *offset) : read(in, block.data(), block.size());
+  if (got <= 0) return got;
+  const ssize_t written = write(out, block.data(), size_t(got));
+  if (written > 0 && offset != nullptr) *offset += written;
+  if (written >= 0 && written < got && offset == nullptr) lseek(in, written - got, SEEK_CUR);
+  return written;
+}
+
+ssize_t copy_file_range(int in, off64_t* from, int out, off64_t* to, size_t length, unsigned flags) {
+  static const auto next = real<ssize_t (*)(int, off64_t*, int, off64_t*, size_t, unsigned)>("copy_file_range");
+  if (!fault().concerns(fault().path_of(out))) return next(in, from, out, to, length, flags);
+  return failed(EXDEV);  // what is then done by other calls
+}
+
+int fsync(int fd) {
+  static const auto next = real<int (*)(int)>("fsync");
+  return checked_sync(fd, [&] { return next(fd); });
+}
+
+int fdatasync(int fd) {
+  static const auto next = real<int (*)(int)>("fdatasync");
+  return checked_sync(fd, [&] { return next(fd); });
+}
+
+int rename(const char* from, const char* to) {
+  static const auto next = real<int (*)(const char*, const char*)>("rename");
+  return checked_change(RecordKind::kRename, fault().absolute(from), fault().absolute(to), true,
+                        [&] { return next(from, to); });
+}
+
+int unlink(const char* path) {
+  static const auto next = real<int (*)(const char*)>("unlink");
+  return checked_change(RecordKind::kRemove, fault().absolute(path), {}, false, [&] { return next(path); });
+}
+
+int remove(const char* path) {
+  static const auto next = real<int (*)(const char*)>("remove");
+  return checked_change(RecordKind::kRemove, fault().absolute(path), {}, false, [&] { return next(path); });
+}
+
+int mkdir(const char* path, mode_t mode) {
+  static const auto next = real<int (*)(const char*, mode_t)>("mkdir");
+  struct stat status {};
+  if (stat(path, &status) == 0) return next(path, mode);
+  return checked_change(RecordKind::kMakeFolder, fault().absolute(path), {}, true, [&] { return next(path, mode); });
+}
+
+int ftruncate(int fd, off_t size) {
+  static const auto next = real<int (*)(int, off_t)>("ftruncate");
+  return checked_truncate(fd, size, [&] { return next(fd, size); });
+}
+
+int ftruncate64(int fd, off64_t size) {
+  static const auto next = real<int (*)(int, off64_t)>("ftruncate64");
+  return checked_truncate(fd, size, [&] { return next(fd, size); });
+}
+
+}  // extern "C"
+
+void* operator new(std::size_t size) {
+  if (Fault* instance = ready; instance != nullptr && instance->allocation_fails()) throw std::bad_alloc();
+  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  throw std::bad_alloc();
+}
+void* operator new[](std::size_t size) {
+  return operator new(size);
+}
+void operator delete(void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory) noexcept {
+  std::free(memory);
+}
+void operator delete(void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
+void operator delete[](void* memory, std::size_t) noexcept {
+  std::free(memory);
+}
