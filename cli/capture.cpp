@@ -254,6 +254,7 @@ void add_capture(CLI::App& program, Context& context) {
       "Examples:\n"
       "  lightstage capture --stage stage.toml --dry-run        (how fast the devices go, in each timing mode)\n"
       "  lightstage capture --stage stage.toml --name head --preview live.png\n"
+      "  lightstage capture --stage stage.toml --name shiny --exposure 5 --exposure 20 --exposure 80\n"
       "  lightstage capture --stage stage.toml --mirror-ball --name ball\n"
       "  lightstage capture --sim --procedural 7 --stage stage.toml --size 256 --name head\n"
       "  lightstage capture --resume --name head                (after an interruption)");
@@ -269,8 +270,11 @@ void add_capture(CLI::App& program, Context& context) {
       ->capture_default_str()
       ->check(CLI::Range(0, 100000));
   command
-      ->add_option("--exposure", request.exposure_ms,
-                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]")
+      ->add_option(
+          "--exposure", request.exposure_ms,
+          "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]; given several times "
+          "every light is taken with each, and they are merged when the scan is loaded (high dynamic range)")
+      ->take_all()
       ->check(number_between(0.0001, 10000.0));
   std::map<std::string, capture::Timing> timings;
   for (const capture::Timing timing : capture::kTimings) timings.emplace(to_string(timing), timing);

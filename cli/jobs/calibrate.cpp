@@ -24,7 +24,8 @@ std::vector<calib::LightEstimate> estimate_lights(const db::Store& store, const 
   for (std::size_t i = 0; i < view.light_frames.size(); ++i) {
     core::throw_if_interrupted();
     const db::Frame& frame = view.light_frames[i];
-    const calib::BallPicture picture{view.light_index[i], db::load_frame(store, frame, view.dark), frame.saturation};
+    const calib::BallPicture picture{view.light_index[i], db::load_frame(store, frame, view.dark, view.flat),
+                                     frame.saturation};
     estimates.push_back(calib::estimate_light(picture, view.camera, view.ball, stage_radius_m));
     progress.advance();
   }
@@ -45,8 +46,8 @@ bool measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
     if (light == lights.end() || !light->placed) continue;
     const db::Frame& frame = view.light_frames[i];
     const calib::GainEstimate estimate =
-        calib::estimate_gain(db::load_frame(store, frame, view.dark), view.camera, view.ball, options.grey_albedo,
-                             *light->light.position, frame.saturation);
+        calib::estimate_gain(db::load_frame(store, frame, view.dark, view.flat), view.camera, view.ball,
+                             options.grey_albedo, *light->light.position, frame.saturation);
     if (estimate.measured) {
       light->light.gain = estimate.gain;
     } else {

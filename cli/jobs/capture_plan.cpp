@@ -65,9 +65,20 @@ capture::Sequence default_sequence(const CaptureRequest& request, std::size_t li
     olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
     olat.exposure = kMirrorExposure;
   }
-  if (request.exposure_ms) olat.exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
+  if (request.exposure_ms.size() > 1 && (request.mirror_ball || request.grey_ball)) {
+    throw core::UsageError("--exposure: a pass of a ball takes one exposure of every light; give it once");
+  }
+  if (!request.exposure_ms.empty()) {
+    std::vector<core::Nanoseconds> exposures;
+    for (const double ms : request.exposure_ms) exposures.push_back(core::from_units(ms, core::kMillisecond));
+    std::sort(exposures.begin(), exposures.end());
+    const auto middle = exposures.begin() + std::ptrdiff_t((exposures.size() - 1) / 2);
+    olat.exposure = *middle;
+    exposures.erase(middle);
+    olat.further_exposures = exposures;
+  }
   if (!request.simulate) {
-    if (!request.exposure_ms) olat.exposure = whole_units(olat.exposure);
+    if (request.exposure_ms.empty()) olat.exposure = whole_units(olat.exposure);
     olat.full_on_exposure =
         whole_units(olat.full_on_exposure.value_or(capture::default_full_on_exposure(olat.exposure, lights)));
   }

@@ -78,9 +78,9 @@ VerifyCalibrationReport verify_calibration(const db::Store& store, const std::st
         continue;
       }
       const db::Frame& frame = view.light_frames[i];
-      const calib::LightEstimate seen =
-          calib::estimate_light({residual.light_index, db::load_frame(store, frame, view.dark), frame.saturation},
-                                view.camera, view.ball, provenance.stage.radius_m);
+      const calib::LightEstimate seen = calib::estimate_light(
+          {residual.light_index, db::load_frame(store, frame, view.dark, view.flat), frame.saturation}, view.camera,
+          view.ball, provenance.stage.radius_m);
       if (!seen.placed) {
         residual.reason = seen.reason;
         continue;
