@@ -1,5 +1,6 @@
 #include "cli/jobs/flat_field.h"
 
+#include <algorithm>
 #include <map>
 
 #include <nlohmann/json.hpp>
@@ -18,6 +19,19 @@ namespace {
 using core::Vec3;
 
 constexpr double kLeastCosine = 0.5;
+
+// Whether so much of a picture clips that what is left says little of the lens.
+bool overexposed(core::ImageView picture, double saturation) {
+  constexpr double kBright = 0.95, kShare = 0.02;
+  if (!(saturation > 0)) return false;
+  std::size_t bright = 0;
+  for (int y = 0; y < picture.height(); ++y) {
+    const float* row = picture.row(y);
+    bright += std::size_t(std::count_if(row, row + picture.width() * picture.channels(),
+                                        [&](float v) { return double(v) >= kBright * saturation; }));
+  }
+  return double(bright) > kShare * double(picture.size().value_count());
+}
 
 std::map<int, Vec3> light_positions(const db::Store& store, const db::Scan& scan, const capture::Stage& stage) {
   std::map<int, Vec3> positions;
@@ -57,6 +71,7 @@ calib::FlatField flat_from_pass(const db::Store& store, const db::Scan& scan, co
   const core::Image dark = db::dark_level(store, scan, camera);
   std::vector<core::Image> images;
   std::vector<calib::FlatPicture> pictures;
+  std::size_t lit = 0;
   const std::vector<db::Frame> frames = store.frames(scan.id, camera);
   core::Progress progress("flat field, " + camera, frames.size());
   for (const db::Frame& frame : frames) {
@@ -65,10 +80,17 @@ calib::FlatField flat_from_pass(const db::Store& store, const db::Scan& scan, co
     const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
     const auto light = step.kind == db::StepKind::kLight ? positions.find(*step.light_index) : positions.end();
     if (light == positions.end() || dot(normal, light->second) < kLeastCosine * norm(light->second)) continue;
-    images.push_back(db::load_frame(store, frame, dark));
+    core::Image image = db::load_frame(store, frame, dark);
+    ++lit;
+    if (overexposed(image, frame.saturation)) continue;
+    images.push_back(std::move(image));
     pictures.push_back({{}, frame.saturation, card_light(seen_by.model, normal, light->second)});
   }
   const std::string where = "scan '" + scan.name + "', camera '" + camera + "': ";
+  if (images.empty() && lit > 0) {
+    throw core::BadInput(where + "the card is overexposed in all " + std::to_string(lit) +
+                         " frames; capture it with a shorter --exposure");
+  }
   if (images.empty()) throw core::BadInput(where + "no frame is lit by a light within 60 degrees of the card's normal");
   for (std::size_t i = 0; i < images.size(); ++i) pictures[i].picture = images[i];
   try {

@@ -40,10 +40,6 @@ core::Image ramp(double exposure, core::ImageSize size) {
   return image;
 }
 
-void write_card(const std::filesystem::path& path) {
-  std::ofstream(path) << "v -0.5 -0.5 0\nv 0.5 -0.5 0\nv 0.5 0.5 0\nv -0.5 0.5 0\nf 1 2 3 4\n";
-}
-
 }  // namespace
 
 TEST_CASE("loose exposures are merged, with a response and without, and tell how linear they are") {
@@ -128,20 +124,19 @@ TEST_CASE("a pass of a white card gives the camera's flat field, by which frames
   const Program program;
   program.succeed({"init"});
   program.succeed({"stage", "--lights", "24", "--out", program.path("stage.toml")});
-  write_card(program.folder / "card.obj");
-  program.succeed({"capture", "--sim", "--no-motion", "--mesh", program.path("card.obj"), "--stage",
-                   program.path("stage.toml"), "--size", "128", "--name", "card", "--tracking-every", "0"});
+  program.succeed({"capture", "--sim", "--white-card", "--stage", program.path("stage.toml"), "--size", "128", "--name",
+                   "card", "--tracking-every", "0"});
   const auto report = program.succeed({"calibrate", "flat", "--scan", "card", "--out", program.path("camera")});
   const auto& flat = report.at("flat").at(0);
   INFO(report.dump());
   CHECK(report.at("stored") == true);
   for (const auto& corner : flat.at("corner")) CHECK(corner == Approx(0.85).margin(0.0043));
   CHECK(flat.at("condition") < 20);
-  for (const char* file : {"flat_main.exr", "flat_main.png", "flat.svg"}) {
+  for (const char* file : {"flat_cam0.exr", "flat_cam0.png", "flat.svg"}) {
     CHECK(std::filesystem::is_regular_file(program.folder / "camera" / file));
   }
   // The card itself, loaded again, is now even: light by light the corners are as bright as the light makes them.
-  const core::Image found = core::read_image(program.folder / "camera/flat_main.exr");
+  const core::Image found = core::read_image(program.folder / "camera/flat_cam0.exr");
   double largest = 0;
   for (int y = 0; y < 128; ++y) {
     for (int x = 0; x < 128; ++x) {
@@ -152,7 +147,7 @@ TEST_CASE("a pass of a white card gives the camera's flat field, by which frames
   CHECK(largest < 0.005);
   CHECK(program.run({"calibrate", "flat"}).status == 2);
   CHECK(program.run({"calibrate", "flat", "--scan", "cart"}).status == 2);
-  CHECK(program.run({"calibrate", "flat", program.path("card.obj"), "--out", program.path("x")}).status == 3);
+  CHECK(program.run({"calibrate", "flat", program.path("stage.toml"), "--out", program.path("x")}).status == 3);
   CHECK(program.succeed({"store", "verify"}).at("ok") == true);
 }
 
