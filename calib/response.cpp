@@ -79,6 +79,22 @@ std::vector<double> rising(const std::vector<double>& values) {
   return result;
 }
 
+// The ends show clipping and single codes rather than the scene: they are continued from what lies next to them by the power that holds there.
+void continue_ends(std::vector<double>& curve) {
+  constexpr std::size_t kDark = 12, kFromDark = 24, kBright = 240, kFromBright = 200;
+  const auto power = [&](std::size_t a, std::size_t b) {
+    return std::max(0.1, std::log(curve[b] / curve[a]) / std::log(double(b) / double(a)));
+  };
+  if (curve[kDark] > 0) {
+    const double p = power(kDark, kFromDark);
+    for (std::size_t k = 0; k < kDark; ++k) curve[k] = curve[kDark] * std::pow(double(k) / kDark, p);
+  }
+  const double p = power(kFromBright, kBright);
+  for (std::size_t k = kBright + 1; k < curve.size(); ++k) {
+    curve[k] = curve[kBright] * std::pow(double(k) / kBright, p);
+  }
+}
+
 double residual_of(std::span<const ExposedPicture> pictures, const CameraResponse& response) {
   constexpr int kLow = 20, kHigh = 235;
   double squares = 0;
@@ -130,10 +146,11 @@ CameraResponse estimate_response(std::span<const ExposedPicture> pictures, Respo
     for (int k = 0; k < kCodes; ++k) curve.push_back(double(found.at<cv::Vec3f>(k, 0)[int(c)]));
     response.curve[c] = rising(curve);
     const double middle = response.curve[c][128];
-    if (!(middle > 0) || !std::isfinite(middle)) {
+    if (!(response.curve[c][24] > 0) || !std::isfinite(response.curve[c][240])) {
       throw core::BadInput("response: it could not be recovered; take more exposures of a scene with more shades");
     }
     for (double& v : response.curve[c]) v = std::max(0.0, v / middle);
+    continue_ends(response.curve[c]);
     largest = std::max(largest, response.curve[c].back());
   }
   for (std::vector<double>& curve : response.curve) {

@@ -20,7 +20,8 @@ struct CameraResponse {
 };
 
 // By OpenCV: Debevec and Malik 1997 ("Recovering high dynamic range radiance maps from photographs", smoothness 20) or Robertson et al. 2003
-// ("Estimation-theoretic approach to dynamic range enhancement using multiple exposures"); made to rise, as real ones do. Codes are values times 255,
+// ("Estimation-theoretic approach to dynamic range enhancement using multiple exposures"); made to rise, as real ones do; codes below 12 and above 240 are
+// continued by a power. Codes are values times 255,
 // as core::read_image gives them with Encoding::kLinear; grey pictures give three equal curves.
 // Throws BadInput, naming the picture by its place, for fewer than two different times, times that are not positive, sizes that differ, other
 // than 1 or 3 channels, values outside [0, 1], and where fewer than 20 codes are seen at all. About a second.

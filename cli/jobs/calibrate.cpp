@@ -45,9 +45,12 @@ bool measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
                                     [&](const db::CalibratedLight& l) { return l.light_index == view.light_index[i]; });
     if (light == lights.end() || !light->placed) continue;
     const db::Frame& frame = view.light_frames[i];
+    const core::Vec3 position = *light->light.position;
+    // Its standard error is of both coordinates across the direction together.
+    const double sigma_m = norm(position) * core::radians_from_degrees(light->sigma_degrees) / std::sqrt(2.0);
     const calib::GainEstimate estimate =
         calib::estimate_gain(db::load_frame(store, frame, view.dark, view.flat), view.camera, view.ball,
-                             options.grey_albedo, *light->light.position, frame.saturation);
+                             options.grey_albedo, position, frame.saturation, sigma_m);
     if (estimate.measured) {
       light->light.gain = estimate.gain;
     } else {

@@ -22,7 +22,7 @@ struct Program {
   }
   nlohmann::json succeed(const std::vector<std::string>& arguments) const {
     const test::Outcome outcome = run(arguments);
-    INFO(arguments[0] << " " << arguments[1] << ": " << outcome.err);
+    INFO(arguments.front() << ": " << outcome.err);
     REQUIRE(outcome.status == 0);
     return outcome.json();
   }
@@ -33,7 +33,7 @@ core::Image ramp(double exposure, core::ImageSize size) {
   core::Image image(size);
   for (int y = 0; y < size.height; ++y) {
     for (int x = 0; x < size.width; ++x) {
-      const double light = exposure * 0.02 * std::exp2(7.0 * x / size.width) * (1 + 0.3 * std::sin(y * 0.2));
+      const double light = exposure * 0.03 * std::exp2(7.0 * x / size.width) * (1 + 0.3 * std::sin(y * 0.2));
       for (int c = 0; c < size.channels; ++c) image(y, x, c) = float(std::min(light * (1 - 0.2 * c), 1.0));
     }
   }
@@ -46,7 +46,7 @@ TEST_CASE("loose exposures are merged, with a response and without, and tell how
   const Program program;
   const core::ImageSize size{96, 160, 3};
   std::vector<std::string> encoded, linear;
-  for (const double t : {0.25, 1.0, 4.0}) {
+  for (const double t : {0.25, 0.5, 1.0, 2.0, 4.0}) {
     const std::string name = std::to_string(int(t * 100));
     core::write_image(program.folder / (name + ".png"), ramp(t, size));
     core::write_image(program.folder / (name + ".tif"), ramp(t, size),
@@ -72,15 +72,15 @@ TEST_CASE("loose exposures are merged, with a response and without, and tell how
     }
     return largest;
   };
-  const std::vector<std::string> times{"--exposures", "1/4,1,4"};
+  const std::vector<std::string> times{"--exposures", "1/4,1/2,1,2,4"};
   const auto with = [&](std::vector<std::string> more) {
     more.insert(more.begin(), times.begin(), times.end());
     return more;
   };
   const auto merged =
       program.succeed(command({"merge"}, linear, with({"--encoding", "linear", "--out", program.path("linear.exr")})));
-  CHECK(merged.at("exposures") == 3);
-  CHECK(merged.at("saturated_pixels") > 0);
+  CHECK(merged.at("exposures").get<int>() == 5);
+  CHECK(merged.at("saturated_pixels").get<int>() > 0);
   CHECK(largest_off(program.path("linear.exr")) < 0.002);
   program.succeed(command({"merge"}, encoded, with({"--out", program.path("srgb.exr")})));
   CHECK(largest_off(program.path("srgb.exr")) < 0.05);
@@ -102,16 +102,18 @@ TEST_CASE("loose exposures are merged, with a response and without, and tell how
   const auto report =
       program.succeed(command({"calibrate", "linearity"}, linear, with({"--out", program.path("camera")})));
   CHECK(report.at("linear") == true);
-  CHECK(report.at("clips_at") == Approx(1).epsilon(1e-3));
+  CHECK(report.at("clips_at").get<double>() == Approx(1).epsilon(1e-3));
   const auto bent = program.succeed(command({"calibrate", "linearity"}, encoded, times));
   CHECK(bent.at("linear") == false);
 
-  std::ofstream(program.folder / "list.csv") << "file,seconds\n25.tif,0.25\n100.tif,1\n400.tif,4\n";
+  std::ofstream(program.folder / "list.csv")
+      << "file,seconds\n25.tif,0.25\n50.tif,1/2\n100.tif,1\n200.tif,2\n400.tif,4\n";
   program.succeed({"merge", "--csv", program.path("list.csv"), "--encoding", "linear", "--out", program.path("b.exr")});
   CHECK(core::read_image(program.path("b.exr")) == core::read_image(program.path("linear.exr")));
 
   CHECK(program.run(command({"merge"}, linear, {"--exposures", "1,2", "--out", program.path("x.exr")})).status == 2);
-  CHECK(program.run(command({"merge"}, linear, {"--exposures", "1,2,-3", "--out", program.path("x.exr")})).status == 2);
+  CHECK(program.run(command({"merge"}, linear, {"--exposures", "1,2,3,4,-3", "--out", program.path("x.exr")})).status ==
+        2);
   CHECK(program.run({"merge", "--csv", program.path("none.csv"), "--out", program.path("x.exr")}).status == 3);
   std::ofstream(program.folder / "bad.csv") << "25.tif,0.25\n100.tif,soon\n";
   const test::Outcome bad = program.run({"merge", "--csv", program.path("bad.csv"), "--out", program.path("x.exr")});
@@ -130,8 +132,8 @@ TEST_CASE("a pass of a white card gives the camera's flat field, by which frames
   const auto& flat = report.at("flat").at(0);
   INFO(report.dump());
   CHECK(report.at("stored") == true);
-  for (const auto& corner : flat.at("corner")) CHECK(corner == Approx(0.85).margin(0.0043));
-  CHECK(flat.at("condition") < 20);
+  for (const auto& corner : flat.at("corner")) CHECK(corner.get<double>() == Approx(0.85).margin(0.0043));
+  CHECK(flat.at("condition").get<double>() < 20);
   for (const char* file : {"flat_cam0.exr", "flat_cam0.png", "flat.svg"}) {
     CHECK(std::filesystem::is_regular_file(program.folder / "camera" / file));
   }
@@ -151,7 +153,7 @@ TEST_CASE("a pass of a white card gives the camera's flat field, by which frames
   CHECK(program.succeed({"store", "verify"}).at("ok") == true);
 }
 
-TEST_CASE("a bracketed pass is taken, goes on after an interruption, and is loaded as one picture a light") {
+TEST_CASE("a bracketed pass is taken and loaded as one picture a light") {
   const Program program;
   program.succeed({"init"});
   program.succeed({"stage", "--lights", "16", "--out", program.path("stage.toml")});
@@ -162,8 +164,11 @@ TEST_CASE("a bracketed pass is taken, goes on after an interruption, and is load
   for (const char* ms : {"5", "20", "80"}) bracketed.insert(bracketed.end(), {"--exposure", ms});
   const auto report = program.succeed(bracketed);
   // Three dark frames of each exposure, full-on, tracking at 0, 10 and the end, three exposures of each light.
-  CHECK(report.at("steps") == 9 + 1 + 3 + 48);
+  CHECK(report.at("steps").get<int>() == 9 + 1 + 3 + 48);
   CHECK(program.succeed({"capture", "--resume", "--name", "head"}).at("already_stored") == report.at("frames"));
+  program.succeed(
+      {"capture", "--sim", "--mirror-ball", "--stage", program.path("stage.toml"), "--size", "192", "--name", "ball"});
+  program.succeed({"calibrate", "ball"});
   program.succeed({"align", "head"});
   program.succeed({"export", "head", "--out", program.path("out")});
   auto plain = capture;
@@ -188,7 +193,7 @@ TEST_CASE("a bracketed pass is taken, goes on after an interruption, and is load
   auto ball = bracketed;
   ball[2] = "--mirror-ball";
   ball.erase(ball.begin() + 3);
-  ball[std::size_t(std::find(ball.begin(), ball.end(), "head") - ball.begin())] = "ball";
+  std::replace(ball.begin(), ball.end(), std::string("head"), std::string("other"));
   CHECK(program.run(ball).status == 2);
 }
 
