@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <mutex>
 #include <set>
 
 #include <nlohmann/json.hpp>
@@ -124,7 +125,20 @@ struct Corrections {
   std::map<std::int64_t, core::Image> dark;  // by exposure
   core::Image flat;
   std::optional<ColourMatrix> colour;
+  std::string place;                                                            // scan and camera, for the warning
+  std::shared_ptr<std::once_flag> warned = std::make_shared<std::once_flag>();  // of values that no exposure shows
 };
+
+void warn_of_saturation(const Corrections& corrections, int light_index, const core::MergedExposures& merged) {
+  constexpr double kWorthSaying = 1e-3;
+  const double share = double(merged.saturated_values) / double(merged.image.values().size());
+  if (share < kWorthSaying) return;
+  std::call_once(*corrections.warned, [&] {
+    core::warn(corrections.place + ": under light " + std::to_string(light_index) + " " +
+               core::number_text(100 * share, 2) +
+               " % of the values saturate in every exposure; a shorter one is needed to see how bright they are");
+  });
+}
 
 core::Image read_light(const ObjectFiles& objects, const LightSource& source, const Corrections& corrections) {
   const auto dark = [&](const Shot& shot) -> core::ImageView {
@@ -145,7 +159,9 @@ core::Image read_light(const ObjectFiles& objects, const LightSource& source, co
       exposures.push_back({images[i], double(shot.exposure_ns) * kSecondsPerNanosecond, shot.saturation, dark(shot)});
     }
     try {
-      image = core::merge_exposures(exposures).image;
+      core::MergedExposures merged = core::merge_exposures(exposures);
+      warn_of_saturation(corrections, source.light_index, merged);
+      image = std::move(merged.image);
     } catch (const core::BadInput& error) {
       throw core::StoreError("light " + std::to_string(source.light_index) + ": " + error.what());
     }
@@ -237,6 +253,7 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
       light_sources(scan, known.lights, store.frames(scan.id, camera), alignment, camera));
   const core::ImageSize size = store.object_size(sources->front().shots.front().object);
   Corrections corrections;
+  corrections.place = "scan '" + scan.name + "', camera '" + camera + "'";
   // Aligned images are free of ambient light already, and of vignetting if there was a flat field then.
   if (!alignment) {
     for (const LightSource& source : *sources) {

@@ -33,7 +33,8 @@ struct LoadedScan {
 
 // The scan's lights, in the order of their first steps, with their images freed of ambient light (as dark_level; aligned images are free of it
 // already), divided by the camera's flat field and the light's gain, and their colours by the camera's matrix, where the stage has these. Several
-// exposures of a light are merged into one image (core/exposure_merge.h). Lights that the calibration could not place are left out, and so, with a
+// exposures of a light are merged into one image (core/exposure_merge.h); the first light with values that saturate in all of them, a thousandth or more, is
+// warned of. Lights that the calibration could not place are left out, and so, with a
 // warning, are frames that the alignment excludes.
 // The mask is the scan's newest "mask" product, less what an alignment moved in from outside the picture. Images are read when they are first used, which needs the
 // store's folder but not this connection. Throws UsageError for an unknown scan or camera, or when neither a calibration nor nominal
