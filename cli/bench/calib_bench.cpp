@@ -209,7 +209,9 @@ PlacedLights place_lights(const BallStage& stage, const CalibKnobs& knobs) {
   const double saturation = quantile_of(peaks, 0.5) / knobs.clipping;
   if (knobs.balls == 1) {
     constexpr double kUniformSigma = 0.2887;  // of an interval's width
-    input.stage_radius = calib::StageRadius{0.5 * (kNearest + kFarthest), kUniformSigma * (kFarthest - kNearest)};
+    for (std::size_t i = 0; i < lights; ++i) {
+      input.distances[int(i)] = {0.5 * (kNearest + kFarthest), kUniformSigma * (kFarthest - kNearest)};
+    }
   }
   // What the sensor gives is made beforehand: the simulator's time is not calibration's.
   std::vector<core::Image> full_on(views.size());
