@@ -155,6 +155,7 @@ std::optional<Highlight> find_highlight(core::ImageView picture, const core::Cam
   if (!centroid) return std::nullopt;
   highlight.position = {centroid->at.x + region->box.x, centroid->at.y + region->box.y};
   highlight.sigma_px = std::max(centroid->sigma_px, kSmallestSigmaPx);
+  highlight.parted = has_two_parts(*region, steady, *spot, highlight.clipped);
   highlight.rival = rival_share(*region, steady, *spot, margin_px);
   return highlight;
 }

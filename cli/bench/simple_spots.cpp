@@ -1,5 +1,7 @@
 #include "cli/bench/simple_spots.h"
 
+#include <opencv2/imgproc.hpp>
+
 namespace lightstage::cli {
 
 namespace {
@@ -31,24 +33,30 @@ std::optional<calib::Highlight> find_spot(SpotMethod method, core::ImageView pic
   spot.sigma_px = kPlainSigmaPx;
   for (int y = 0; y < grey.height(); ++y) {
     for (int x = 0; x < grey.width(); ++x) {
-      if (!(double(grey(y, x)) > spot.peak) || !on_ball(y, x)) continue;
-      spot.peak = grey(y, x);
-      spot.position = {double(x), double(y)};
+      if (double(grey(y, x)) > spot.peak && on_ball(y, x)) spot.peak = grey(y, x);
     }
   }
   if (!(spot.peak > 0)) return std::nullopt;
-  if (method == SpotMethod::kBrightest) return spot;
-  double sum_x = 0, sum_y = 0;
-  int count = 0;
+  const bool all_alike = method == SpotMethod::kBrightest;
+  cv::Mat_<uchar> bright = cv::Mat_<uchar>::zeros(grey.height(), grey.width());
   for (int y = 0; y < grey.height(); ++y) {
     for (int x = 0; x < grey.width(); ++x) {
-      if (!(double(grey(y, x)) > 0.5 * spot.peak) || !on_ball(y, x)) continue;
-      sum_x += x;
-      sum_y += y;
-      ++count;
+      const double value = grey(y, x);
+      if ((all_alike ? value == spot.peak : value > 0.5 * spot.peak) && on_ball(y, x)) bright(y, x) = 255;
     }
   }
-  spot.position = {sum_x / count, sum_y / count};
+  if (all_alike) {
+    const cv::Moments moments = cv::moments(bright, true);
+    spot.position = {moments.m10 / moments.m00, moments.m01 / moments.m00};
+    return spot;
+  }
+  cv::Mat labels, sizes, centroids;
+  const int parts = cv::connectedComponentsWithStats(bright, labels, sizes, centroids, 8);
+  int largest = 1;
+  for (int part = 2; part < parts; ++part) {
+    if (sizes.at<int>(part, cv::CC_STAT_AREA) > sizes.at<int>(largest, cv::CC_STAT_AREA)) largest = part;
+  }
+  spot.position = {centroids.at<double>(largest, 0), centroids.at<double>(largest, 1)};
   return spot;
 }
 

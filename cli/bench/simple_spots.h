@@ -9,9 +9,9 @@
 namespace lightstage::cli {
 
 enum class SpotMethod {
-  kFit,       // calib::find_highlight
-  kCentroid,  // the mean place of the pixels of more than half the ball's largest value, each counting 1
-  kBrightest  // the ball's pixel with the largest value; of several equal ones the first
+  kFit,  // calib::find_highlight
+  kCentroid,  // the mean place of the largest connected patch of pixels of more than half the ball's largest value, each counting 1
+  kBrightest  // the ball's pixel with the largest value; of several equal ones their middle
 };
 inline constexpr SpotMethod kSpotMethods[] = {SpotMethod::kFit, SpotMethod::kCentroid, SpotMethod::kBrightest};
 std::string_view name_of(SpotMethod method);

@@ -147,19 +147,25 @@ bool measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
 }
 
 // The gains of the stage's newest calibration, if they were measured, for lights that are placed in both.
-void keep_gains(const db::Store& store, db::NewProduct& product, CalibrateReport& report) {
+// `albedo` becomes that of the grey ball they were measured on.
+void keep_gains(const db::Store& store, db::NewProduct& product, CalibrateReport& report, double& albedo) {
   const std::optional<db::Product> before = store.newest_calibration(product.stage_key);
   if (!before) return;
   const nlohmann::json parameters = nlohmann::json::parse(before->parameters, nullptr, false);
   const auto measured = parameters.is_object() ? parameters.find("gains_measured") : parameters.end();
   if (!parameters.is_object() || measured == parameters.end() || *measured != true) return;
+  const std::map<int, double> sigmas = parameters.value("gain_sigma", std::map<int, double>{});
   const std::vector<db::CalibratedLight> earlier = store.calibrated_lights(before->id);
   for (db::CalibratedLight& light : report.lights) {
     const auto same = std::find_if(earlier.begin(), earlier.end(), [&](const db::CalibratedLight& e) {
       return e.placed && e.light_index == light.light_index;
     });
-    if (light.placed && same != earlier.end()) light.light.gain = same->light.gain;
+    if (!light.placed || same == earlier.end()) continue;
+    light.light.gain = same->light.gain;
+    const auto sigma = sigmas.find(light.light_index);
+    if (sigma != sigmas.end()) report.gain_sigma.insert(*sigma);
   }
+  albedo = parameters.value("grey_albedo", albedo);
   product.input_products.push_back(before->id);
   report.gains_from = before->created_utc;
 }
@@ -203,6 +209,7 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
     return std::move(picture.image);
   };
 
+  double grey_albedo = options.grey_albedo;
   if (options.grey_ball) {
     const db::Scan scan = ball_pass(store, *options.grey_ball, db::ScanKind::kGreyBall, "grey ball");
     if (scan.stage_key != product.stage_key) {
@@ -211,12 +218,13 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
     product.input_scans.push_back(scan.id);
     report.gains_measured = measure_gains(store, scan, options, report);
   } else {
-    keep_gains(store, product, report);
+    keep_gains(store, product, report, grey_albedo);
   }
   product.parameters = json_text({{"mirror_radius_m", options.mirror_radius_m},
                                   {"grey_radius_m", options.grey_radius_m},
-                                  {"grey_albedo", options.grey_albedo},
+                                  {"grey_albedo", grey_albedo},
                                   {"gains_measured", report.gains_measured || report.gains_from},
+                                  {"gain_sigma", report.gain_sigma},
                                   {"median_sigma_m", report.joined.median_sigma_m}});
   report.calibration_id = store.add_calibration(product, report.lights);
   return report;
