@@ -1,7 +1,11 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cli/calibrate_colour.h"
+#include "cli/calibrate_flat.h"
 #include "cli/calibrate_lights.h"
+#include "cli/calibrate_linearity.h"
+#include "cli/calibrate_response.h"
 #include "cli/calibrate_verify.h"
 #include "cli/commands.h"
 #include "cli/format.h"
@@ -116,6 +120,10 @@ void add_calibrate(CLI::App& program, Context& context) {
   });
   add_calibrate_lights(*command, context);
   add_calibrate_verify(*command, context);
+  add_calibrate_flat(*command, context);
+  add_calibrate_colour(*command, context);
+  add_calibrate_linearity(*command, context);
+  add_calibrate_response(*command, context);
 }
 
 }  // namespace lightstage::cli

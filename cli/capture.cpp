@@ -259,6 +259,7 @@ void add_capture(CLI::App& program, Context& context) {
       "Examples:\n"
       "  lightstage capture --stage stage.toml --dry-run        (how fast the devices go, in each timing mode)\n"
       "  lightstage capture --stage stage.toml --name head --preview live.png\n"
+      "  lightstage capture --stage stage.toml --name shiny --exposure 5 --exposure 20 --exposure 80\n"
       "  lightstage capture --stage stage.toml --mirror-ball --name ball\n"
       "  lightstage capture --sim --procedural 7 --stage stage.toml --size 256 --name head\n"
       "  lightstage capture --resume --name head                (after an interruption)");
@@ -270,12 +271,17 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_flag("--mirror-ball", request.mirror_ball, "On the stage stands a mirror ball, for `calibrate`");
   command->add_flag("--grey-ball", request.grey_ball, "On the stage stands a grey ball, for `calibrate --grey`");
   command->add_flag("--chessboard", request.chessboard, "On the stage stands a chessboard");
+  command->add_flag("--white-card", request.white_card,
+                    "On the stage stands a white card that fills the pictures, for `calibrate flat --scan`");
   command->add_option("--tracking-every", request.tracking_every, "A tracking frame before every n-th light; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0, 100000));
   command
       ->add_option("--exposure", request.exposure_ms,
-                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]")
+                   "Exposure of the single lights, milliseconds [20; white card 10; mirror ball 0.01, real stages "
+                   "0.1]; given several times "
+                   "every light is taken with each, and they are merged when the scan is loaded (high dynamic range)")
+      ->take_all()
       ->check(number_between(0.0001, 10000.0));
   std::map<std::string, capture::Timing> timings;
   for (const capture::Timing timing : capture::kTimings) timings.emplace(to_string(timing), timing);
@@ -302,7 +308,7 @@ void add_capture(CLI::App& program, Context& context) {
   const std::vector<CLI::Option*> simulated = add_simulation_options(*command, request);
   std::vector<CLI::Option*> new_ones = simulated;
   for (const char* name : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
-                           "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
+                           "--mirror-ball", "--grey-ball", "--chessboard", "--white-card", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
   std::vector<CLI::Option*> not_dry;

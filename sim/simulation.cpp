@@ -14,11 +14,12 @@ struct KindName {
   SubjectKind kind;
   const char* name;
 };
-constexpr std::array<KindName, 5> kKindNames{{{SubjectKind::kProceduralHead, "procedural_head"},
+constexpr std::array<KindName, 6> kKindNames{{{SubjectKind::kProceduralHead, "procedural_head"},
                                               {SubjectKind::kMesh, "mesh"},
                                               {SubjectKind::kMirrorBall, "mirror_ball"},
                                               {SubjectKind::kGreyBall, "grey_ball"},
-                                              {SubjectKind::kChessboard, "chessboard"}}};
+                                              {SubjectKind::kChessboard, "chessboard"},
+                                              {SubjectKind::kWhiteCard, "white_card"}}};
 
 // One description of every field serves writing and reading: `field(name, value)` is called for each.
 template <class Spec, class Field>
@@ -195,6 +196,8 @@ double subject_size_m(const SubjectSpec& subject) {
       return 0.06;
     case SubjectKind::kChessboard:
       return 0.16;
+    case SubjectKind::kWhiteCard:
+      return 0.8;
     case SubjectKind::kProceduralHead:
     case SubjectKind::kMesh:
       break;

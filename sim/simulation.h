@@ -14,7 +14,7 @@
 
 namespace lightstage::sim {
 
-enum class SubjectKind { kProceduralHead, kMesh, kMirrorBall, kGreyBall, kChessboard };
+enum class SubjectKind { kProceduralHead, kMesh, kMirrorBall, kGreyBall, kChessboard, kWhiteCard };
 
 struct SubjectSpec {
   SubjectKind kind = SubjectKind::kProceduralHead;

@@ -13,6 +13,7 @@
 #include "sim/subjects/head.h"
 #include "sim/subjects/mesh_file.h"
 #include "sim/subjects/mirror.h"
+#include "sim/subjects/white_card.h"
 
 namespace lightstage::sim {
 namespace {
@@ -51,6 +52,8 @@ std::unique_ptr<Subject> make_subject(const SubjectSpec& spec) {
       return std::make_unique<Ball>(size, spec.albedo);
     case SubjectKind::kChessboard:
       return make_chessboard(size);
+    case SubjectKind::kWhiteCard:
+      return make_white_card(size);
   }
   throw core::BadInput("simulation: unknown kind of subject");
 }

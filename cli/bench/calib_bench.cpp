@@ -289,15 +289,16 @@ GainRow measure_gains(const BallStage& stage, const std::vector<calib::BundledLi
   for (const calib::BundledLight& light : lights) {
     if (!light.placed) continue;
     const std::size_t i = std::size_t(light.light_index);
+    const double sigma_m = core::radians_from_degrees(light.sigma_degrees) / std::sqrt(2.0) * norm(light.position);
     const calib::GainEstimate estimate =
         calib::estimate_gain(stage.sensed(view.lights[i], BallStage::kGreySaturation, 9000 + i), view.camera, ball,
-                             BallStage::kGreyAlbedo, light.position, BallStage::kGreySaturation);
+                             BallStage::kGreyAlbedo, light.position, BallStage::kGreySaturation, sigma_m);
     if (!estimate.measured) continue;
     ++row.measured;
     for (std::size_t c = 0; c < 3; ++c) {
       const double error = estimate.gain[c] / truth[i].gain[c] - 1;
       errors.push_back(float(std::abs(error)));
-      squares += std::pow(error / estimate.relative_sigma, 2);
+      squares += std::pow((estimate.gain[c] - truth[i].gain[c]) / estimate.sigma[c], 2);
       row.within_1_percent += std::abs(error) <= 0.01;
     }
   }

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/bench/calib_bench.h"
+#include "cli/bench/exposure_bench.h"
 #include "cli/format.h"
 #include "cli/report/plot.h"
 #include "core/file.h"
@@ -141,6 +142,23 @@ void run(const Options& options, Context& context) {
                                  {"mean_deg_to_joint", two ? ordered_json(row.to_joint_degrees) : ordered_json()}});
     }
   }
+  const double hdr_percent = hdr_linearity_percent();
+  std::vector<std::vector<std::string>> bracket_cells{{"exposures", "stops between", "read noise weight",
+                                                       "exposure time", "merge s/Mvalue", "noise %", "off linear %"}};
+  ordered_json brackets = ordered_json::array();
+  for (const BracketRow& row : bracket_frontier()) {
+    bracket_cells.push_back({std::to_string(row.knobs.exposures), fixed(row.knobs.stops_between, 1),
+                             fixed(row.knobs.read_noise_share, 4), fixed(row.seconds, 1), fixed(row.merge_seconds, 3),
+                             fixed(row.noise_percent, 2), fixed(row.largest_deviation_percent, 3)});
+    brackets.push_back({{"knobs",
+                         {{"exposures", row.knobs.exposures},
+                          {"stops_between", row.knobs.stops_between},
+                          {"read_noise_share", row.knobs.read_noise_share}}},
+                        {"seconds", row.seconds},
+                        {"merge_seconds", row.merge_seconds},
+                        {"error", row.noise_percent},
+                        {"largest_deviation_percent", row.largest_deviation_percent}});
+  }
   const ordered_json json{{"stages", options.stages},
                           {"lights", all.lights},
                           {"placed", all.placed},
@@ -157,8 +175,10 @@ void run(const Options& options, Context& context) {
                             {"p95_error", gains.p95_error},
                             {"within_1_percent", gains.within_1_percent},
                             {"error_over_sigma", gains.ratio}}},
+                          {"hdr_linearity_percent", hdr_percent},
                           {"photographs", photograph_rows},
-                          {"frontier", frontier}};
+                          {"frontier", frontier},
+                          {"bracket_frontier", brackets}};
   std::string text =
       std::to_string(options.stages) + " simulated stages of " + std::to_string(options.lights) +
       " lights at 1.2 to 2.5 m, two mirror balls of " + std::to_string(options.ball_px) +

@@ -17,7 +17,7 @@ db::Scan ball_pass(const db::Store& store, const std::string& name, db::ScanKind
 // One camera's frames of a ball pass, and where the ball is in them.
 struct BallView {
   core::CameraModel camera;
-  core::Image dark;
+  core::Image dark, flat;  // as db::load_frame takes them
   calib::Sphere ball;
   std::vector<db::Frame> light_frames;
   std::vector<int> light_index;  // per light frame

@@ -1,7 +1,8 @@
 #include "cli/jobs/calibrate.h"
 
 #include <algorithm>
-#include <set>
+#include <cmath>
+#include <memory>
 
 #include <nlohmann/json.hpp>
 
@@ -119,8 +120,12 @@ bool measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
                                     [&](const db::CalibratedLight& l) { return l.light_index == view.light_index[i]; });
     if (light == report.lights.end() || !light->placed) continue;
     const calib::BallPicture picture = picture_of_light(store, view, i);
-    const calib::GainEstimate estimate = calib::estimate_gain(
-        picture.image, view.camera, view.ball, options.grey_albedo, *light->light.position, picture.saturation);
+    // Of each coordinate across the line of sight from stage centre; along it hardly matters to the shading.
+    const double sigma_m =
+        core::radians_from_degrees(light->sigma_degrees) / std::sqrt(2.0) * norm(*light->light.position);
+    const calib::GainEstimate estimate =
+        calib::estimate_gain(picture.image, view.camera, view.ball, options.grey_albedo, *light->light.position,
+                             picture.saturation, sigma_m);
     if (estimate.measured) {
       light->light.gain = estimate.gain;
       report.gain_sigma[light->light_index] = estimate.relative_sigma;

@@ -14,9 +14,10 @@ namespace lightstage::cli {
 struct CaptureRequest {
   std::filesystem::path stage_file;
   std::filesystem::path sequence_file;  // empty: every light once
-  bool mirror_ball = false, grey_ball = false, chessboard = false;
+  bool mirror_ball = false, grey_ball = false, chessboard = false, white_card = false;
   int tracking_every = 10;
-  std::optional<double> exposure_ms;
+  std::vector<double>
+      exposure_ms;  // of every light; several are a bracket, whose middle one counts as the usual exposure
   std::optional<capture::Timing> timing;
   std::optional<double> settle_ms;
 
