@@ -190,7 +190,8 @@ void run(const Options& options, Context& context) {
       fixed(all.position_ratio, 2) + "\n  gains from a grey ball: " + fixed(100 * gains.median_error, 2) +
       " % median, " + fixed(100 * gains.p95_error, 2) + " % 95 %, " + fixed(100 * gains.within_1_percent, 1) +
       " % within 1 %; over standard errors " + fixed(gains.ratio, 2) + "; " + std::to_string(gains.measured) + " of " +
-      std::to_string(gains.lights) + " measured\n\n" + table(cells);
+      std::to_string(gains.lights) + " measured\n  merged exposures: " + fixed(hdr_percent, 3) +
+      " % from proportional at most, over 14 stops\n\n" + table(cells) + "\n" + table(bracket_cells);
   if (photograph_cells.size() > 1) text += "\n" + table(photograph_cells);
   if (!options.out.empty()) {
     core::write_file_atomically(options.out / "calib.json", json.dump(1) + "\n");
