@@ -165,7 +165,7 @@ std::optional<Highlight> find_highlight(core::ImageView picture, const core::Cam
   highlight.position = {centroid->at.x + region->box.x, centroid->at.y + region->box.y};
   highlight.sigma_px =
       std::hypot(std::max(centroid->sigma_px, kSmallestSigmaPx), rim_sigma(camera, ball, highlight.position));
-  highlight.parted = has_two_parts(*region, steady, *spot, highlight.clipped);
+  highlight.parted = has_two_parts(*region, *spot, highlight.clipped);
   highlight.rival = rival_share(*region, steady, *spot, margin_px);
   return highlight;
 }

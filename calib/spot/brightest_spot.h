@@ -25,6 +25,6 @@ double rival_share(const BallRegion& region, const cv::Mat_<float>& steady, cons
 
 // Whether the spot is two that touch: a valley of a seventh of its height between two summits, each well above the noise; of a clipped spot, a
 // waist of less than four fifths of the lesser part's width between two round parts, one at least half as wide as the other.
-bool has_two_parts(const BallRegion& region, const cv::Mat_<float>& steady, const Spot& spot, bool clipped);
+bool has_two_parts(const BallRegion& region, const Spot& spot, bool clipped);
 
 }  // namespace lightstage::calib
