@@ -225,6 +225,11 @@ std::vector<CLI::Option*> add_simulation_options(CLI::App& command, CaptureReque
           ->capture_default_str()
           ->check(number_between(5.0, 500.0)),
       command.add_option("--yaw", request.yaw_degrees, "Turn the subject, degrees")->capture_default_str(),
+      command.add_option("--at", request.at, "Where the subject stands: x,y,z in metres from stage centre")
+          ->delimiter(',')
+          ->expected(3)
+          ->capture_default_str()
+          ->check(number_between(-100.0, 100.0)),
       command.add_option("--size", request.size, "Picture width and height, pixels [the stage file's]")
           ->check(CLI::Range(16, 16384)),
       command.add_flag("--no-noise", request.no_noise, "A sensor without noise and quantisation"),

@@ -80,6 +80,8 @@ class ObjectReader {
     return *found;
   }
 
+  bool has(const char* key) const { return object_.contains(key); }
+
   template <class T>
   void operator()(const char* key, T& value) {
     value = read<T>(at(key), key);
@@ -142,6 +144,8 @@ std::string to_json(const Simulation& simulation) {
                                  [&](const KindName& k) { return k.kind == simulation.subject.kind; });
   root["subject"]["kind"] = name->name;
   describe_subject(simulation.subject, into(root["subject"]));
+  const core::Vec3 place = simulation.subject.position;
+  if (norm(place) > 0) root["subject"]["position_m"] = {place.x, place.y, place.z};
   describe_motion(simulation.motion, into(root["motion"]));
   describe_sensor(simulation.sensor, into(root["sensor"]));
   describe_faults(simulation.faults, into(root["faults"]));
@@ -167,6 +171,12 @@ Simulation simulation_from_json(std::string_view text) {
   if (kind == kKindNames.end()) subject.fail("kind", "is '" + kind_name + "', which is not a kind of subject");
   result.subject.kind = kind->kind;
   describe_subject(result.subject, subject);
+  if (subject.has("position_m")) {  // not written for a subject at stage centre
+    std::vector<double> place;
+    subject("position_m", place);
+    if (place.size() != 3) subject.fail("position_m", "must be three numbers");
+    result.subject.position = {place[0], place[1], place[2]};
+  }
 
   ObjectReader motion(root.at("motion"), "simulation: motion");
   describe_motion(result.motion, motion);

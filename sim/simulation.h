@@ -10,6 +10,7 @@
 
 #include "capture/stage.h"
 #include "core/clock.h"
+#include "core/vec3.h"
 
 namespace lightstage::sim {
 
@@ -22,7 +23,8 @@ struct SubjectSpec {
   std::string mesh_hash;   // of the file's bytes, hexadecimal; checked when truth is rendered again
   double size_m = 0;    // radius of a ball, height of anything else (of a chessboard's squares); 0: what suits the kind
   double albedo = 0.5;  // of the grey ball
-  double yaw_degrees = 0;  // turned about y before it is placed at stage centre
+  double yaw_degrees = 0;  // turned about y before it is placed
+  core::Vec3 position;     // metres from stage centre, where it stands
 };
 
 struct MotionSpec {

@@ -34,6 +34,8 @@ const Simulation& checked(const Simulation& s) {
   require(std::isfinite(s.motion.amplitude_m) && std::isfinite(s.motion.rotation_degrees), "the motion must be finite");
   require(s.stage.simulation.led_radius_m > 0, "led_radius_m must be positive");
   require(std::isfinite(s.stage.radius_m) && s.stage.radius_m > size, "the subject does not fit into the stage");
+  require(std::isfinite(norm(s.subject.position)) && norm(s.subject.position) + size < s.stage.radius_m,
+          "the subject must stand within the stage");
   return s;
 }
 
@@ -77,7 +79,7 @@ struct World::Impl {
   explicit Impl(const Simulation& s)
       : simulation(checked(s)),
         lights(sim::true_lights(s.stage)),
-        motion(motion_of(s), s.subject.yaw_degrees, s.seed),
+        motion(motion_of(s), s.subject, s.seed),
         subject(make_subject(s.subject)),
         surfaces(*subject, samples_per_side(s), s.indirect_bounce, s.stage.cameras.size()) {}
 
@@ -101,7 +103,17 @@ struct World::Impl {
     for (std::size_t i = 0; i < covered.values().size(); ++i) {
       for (std::size_t c = 0; c < 3; ++c) image.values()[i * 3 + c] += float(room[c]) * covered.values()[i];
     }
-    add_reflections(image, camera, subject_size_m(simulation.subject), lamps);
+    // In the ball's frame, where the lamps keep their light at stage centre.
+    const core::Vec3 place = simulation.subject.position;
+    core::CameraModel moved_camera = camera;
+    moved_camera.stage_from_camera.translation = camera.stage_from_camera.translation - place;
+    std::vector<Lamp> moved(lamps.begin(), lamps.end());
+    for (Lamp& lamp : moved) {
+      const double squared = dot(lamp.position, lamp.position);
+      lamp.position = lamp.position - place;
+      for (double& gain : lamp.gain) gain *= squared / dot(lamp.position, lamp.position);
+    }
+    add_reflections(image, moved_camera, subject_size_m(simulation.subject), moved);
   }
 
   // The picture under lamps of the stage frame; `index` names them in the stage, -1 where they are not of it.

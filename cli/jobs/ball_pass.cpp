@@ -63,4 +63,9 @@ BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::
   return view;
 }
 
+calib::BallPicture picture_of_light(const db::Store& store, const BallView& view, std::size_t i) {
+  const db::Frame& frame = view.light_frames[i];
+  return {view.light_index[i], db::load_frame(store, frame, view.dark, view.flat), frame.saturation};
+}
+
 }  // namespace lightstage::cli

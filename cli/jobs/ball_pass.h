@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/mirror_ball.h"
 #include "calib/sphere_fit.h"
 #include "capture/stage.h"
 #include "db/store.h"
@@ -24,5 +25,8 @@ struct BallView {
 
 // Finds the ball in the pass's full-on frame. Throws BadInput naming scan and camera when there is none, it is overexposed, or shows no ball.
 BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::StageCamera& camera, double radius_m);
+
+// The picture of a light, as the view's i-th frame has it.
+calib::BallPicture picture_of_light(const db::Store& store, const BallView& view, std::size_t i);
 
 }  // namespace lightstage::cli

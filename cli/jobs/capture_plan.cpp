@@ -40,6 +40,7 @@ sim::SubjectSpec subject(const CaptureRequest& request) {
   if (request.chessboard) spec.kind = sim::SubjectKind::kChessboard;
   if (request.white_card) spec.kind = sim::SubjectKind::kWhiteCard;
   if (request.mirror_ball || request.grey_ball) spec.size_m = request.ball_radius_mm / 1000;
+  spec.position = {request.at[0], request.at[1], request.at[2]};
   return spec;
 }
 

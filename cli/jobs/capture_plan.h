@@ -27,6 +27,7 @@ struct CaptureRequest {
   std::filesystem::path mesh;
   double ball_radius_mm = 60;
   double yaw_degrees = 0;
+  std::vector<double> at{0, 0, 0};  // metres from stage centre
   int size = 0;
   bool no_noise = false, no_motion = false;
   bool bounce = false;

@@ -30,7 +30,7 @@ float look_up(const core::Image& image, double x, double y, int c) {
 TEST_CASE("motion is smooth, bounded by its amplitudes, and nearly uses them") {
   const sim::MotionSpec spec{.amplitude_m = 0.004, .rotation_degrees = 0.6};
   for (const std::uint64_t seed : {1u, 2u, 3u}) {
-    const sim::Motion motion(spec, 0, seed);
+    const sim::Motion motion(spec, {}, seed);
     double farthest = 0, widest = 0, fastest = 0;
     core::RigidTransform before = motion.stage_from_subject(0);
     for (int step = 1; step <= 2000; ++step) {
@@ -80,7 +80,7 @@ TEST_CASE("the true flow is the projected motion of the point seen") {
   simulation.seed = 9;
   const World world(simulation);
   const core::CameraModel& camera = test::camera_of(world);
-  const sim::Motion motion(simulation.motion, 20, 9);
+  const sim::Motion motion(simulation.motion, {.yaw_degrees = 20}, 9);
   const core::RigidTransform from = motion.stage_from_subject(kSecond), to = motion.stage_from_subject(4 * kSecond);
   const core::Image flow = world.true_flow(camera, kSecond, 4 * kSecond);
   int seen = 0, moved = 0;
