@@ -49,9 +49,11 @@ struct BoardCorner {
   core::Pixel position;
 };
 
+// How a chessboard's corners are found, and refined where they lie to fractions of a pixel.
 enum class CornerMethod {
-  kSubPixel,  // OpenCV's findChessboardCorners and cornerSubPix, which makes edges run at right angles to the way from the corner
-  kSectors,  // findChessboardCornersSB (Duda and Frese 2018, "Accurate detection and localization of checkerboard corners")
+  kClassic,  // OpenCV's findChessboardCorners, then cornerSubPix: edges run at right angles to the way from their corner
+  kSectors,  // findChessboardCornersSB alone (Duda and Frese 2018, "Accurate detection and localization of checkerboard corners")
+  kSectorsRefined,  // found by that in a picture of at most 1600 pixels, refined by cornerSubPix in the full one
 };
 
 struct BoardSeen {
@@ -63,7 +65,7 @@ struct BoardSeen {
 // 6 corners that do not lie in a line. Corners run clockwise about the board as in the board frame, so that no pose is mirrored; the
 // colours of the squares tell which end is up, save where it looks the same upside down. Pictures that show a ChArUco board
 // mirrored are refused with the reason; a mirrored chessboard looks like a chessboard. `method` is for chessboards; the corners of
-// ChArUco boards are refined by cornerSubPix. About 0.1 s a megapixel. Throws as require_usable.
-BoardSeen find_board(core::ImageView picture, const Board& board, CornerMethod method = CornerMethod::kSectors);
+// ChArUco boards are refined by cornerSubPix, in windows that the markers do not reach into. Throws as require_usable.
+BoardSeen find_board(core::ImageView picture, const Board& board, CornerMethod method = CornerMethod::kSectorsRefined);
 
 }  // namespace lightstage::calib

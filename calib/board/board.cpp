@@ -75,18 +75,20 @@ cv::Mat in_8_bits(const cv::Mat& picture) {
   return result;
 }
 
-// Half a window of cornerSubPix: two fifths of the way to the nearest other corner, so that only this corner's edges are in it.
-void refine(const cv::Mat& picture, std::vector<cv::Point2f>& corners) {
+// By cornerSubPix, in windows of half a side of `share` of the way to the nearest other corner, so that only this corner's edges are in them.
+void refine(const cv::Mat& picture, std::vector<cv::Point2f>& corners, double share) {
+  constexpr int kSmallest = 2, kLargest = 15;  // pixels; wider windows see the lens bend the edges
+  const std::vector<cv::Point2f> start = corners;
   for (std::size_t i = 0; i < corners.size(); ++i) {
     double nearest = 1e9;
-    for (std::size_t k = 0; k < corners.size(); ++k) {
-      if (k != i) nearest = std::min(nearest, cv::norm(corners[k] - corners[i]));
+    for (std::size_t k = 0; k < start.size(); ++k) {
+      if (k != i) nearest = std::min(nearest, cv::norm(start[k] - start[i]));
     }
-    const int window = std::clamp(int(0.4 * nearest), 2, 12);
-    std::vector<cv::Point2f> one{corners[i]};
+    const int window = std::clamp(int(share * nearest), kSmallest, kLargest);
+    std::vector<cv::Point2f> one{start[i]};
     cv::cornerSubPix(picture, one, cv::Size(window, window), cv::Size(-1, -1),
                      cv::TermCriteria(cv::TermCriteria::COUNT | cv::TermCriteria::EPS, 60, 1e-3));
-    // It gives up on corners that leave the window, and returns them where they were.
+    // Corners that leave the window come back as they were.
     corners[i] = one.front();
   }
 }
@@ -126,17 +128,30 @@ std::vector<cv::Point2f> in_board_order(const cv::Mat& picture, const Board& boa
 }
 
 BoardSeen find_chessboard(const cv::Mat& picture, const Board& board, CornerMethod method) {
+  constexpr double kWindowShare = 0.4;
   const cv::Size size(board.columns - 1, board.rows - 1);
   std::vector<cv::Point2f> corners;
   bool found = false;
-  if (method == CornerMethod::kSectors) {
-    found = cv::findChessboardCornersSB(in_8_bits(picture), size, corners,
-                                        cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY);
-  } else {
+  if (method == CornerMethod::kClassic) {
     found = cv::findChessboardCorners(
         in_8_bits(picture), size, corners,
         cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK);
-    if (found) refine(picture, corners);
+    if (found) refine(picture, corners, kWindowShare);
+  } else {
+    constexpr int kFlags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY;
+    constexpr double kLargestSide = 1600;  // it takes half a minute at 4096 x 4096
+    const double scale = std::min(1.0, kLargestSide / std::max(picture.cols, picture.rows));
+    const bool shrink = method == CornerMethod::kSectorsRefined && scale < 1;
+    cv::Mat looked_at = picture;
+    if (shrink) cv::resize(picture, looked_at, {}, scale, scale, cv::INTER_AREA);
+    found = cv::findChessboardCornersSB(in_8_bits(looked_at), size, corners, kFlags);
+    if (found && method == CornerMethod::kSectorsRefined) {
+      const double back = double(picture.cols) / looked_at.cols;
+      for (cv::Point2f& corner : corners) {
+        corner = {float((double(corner.x) + 0.5) * back - 0.5), float((double(corner.y) + 0.5) * back - 0.5)};
+      }
+      refine(picture, corners, kWindowShare);
+    }
   }
   BoardSeen seen;
   if (!found || int(corners.size()) != board.corner_count()) {
@@ -194,7 +209,7 @@ BoardSeen find_charuco(const cv::Mat& picture, const Board& board) {
     }
     return seen;
   }
-  refine(picture, corners);
+  refine(picture, corners, 0.9 * 0.5 * (1 - board.marker_m / board.square_m));
   for (std::size_t i = 0; i < corners.size(); ++i) {
     // Half a pixel from the edge the window holds half a corner.
     constexpr float kBorder = 3;

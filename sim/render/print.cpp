@@ -85,7 +85,7 @@ core::Image photograph(const core::CameraModel& camera, const Print& print,
     }
     // Samples, and their sums along each row.
     const int fine_rows = rows * kSide, fine_columns = across * kSide;
-    std::vector<float> fine(std::size_t(fine_columns));
+    std::vector<float> fine(static_cast<std::size_t>(fine_columns));
     std::vector<float> summed(std::size_t(fine_rows) * std::size_t(camera.width));
     for (int fine_row = 0; fine_row < fine_rows; ++fine_row) {
       const int r = fine_row / kSide;
