@@ -53,7 +53,7 @@ struct BoardCorner {
 enum class CornerMethod {
   kClassic,  // OpenCV's findChessboardCorners, then cornerSubPix: edges run at right angles to the way from their corner
   kSectors,  // findChessboardCornersSB alone (Duda and Frese 2018, "Accurate detection and localization of checkerboard corners")
-  kSectorsRefined,  // found by that in a picture of at most 1600 pixels, refined by cornerSubPix in the full one
+  kEither,  // found by the first or, failing that, the second in a picture of at most 1600 pixels; cornerSubPix in the full one
 };
 
 struct BoardSeen {
@@ -66,6 +66,6 @@ struct BoardSeen {
 // colours of the squares tell which end is up, save where it looks the same upside down. Pictures that show a ChArUco board
 // mirrored are refused with the reason; a mirrored chessboard looks like a chessboard. `method` is for chessboards; the corners of
 // ChArUco boards are refined by cornerSubPix, in windows that the markers do not reach into. Throws as require_usable.
-BoardSeen find_board(core::ImageView picture, const Board& board, CornerMethod method = CornerMethod::kSectorsRefined);
+BoardSeen find_board(core::ImageView picture, const Board& board, CornerMethod method = CornerMethod::kEither);
 
 }  // namespace lightstage::calib

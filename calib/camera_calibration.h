@@ -77,7 +77,7 @@ struct CameraCalibration {
 // Standard errors from the inverse of the normal equations, scaled by what the residuals show of each camera.
 // Throws BadInput naming the camera and saying what to do: fewer than 3 views of a camera, all its views parallel (within 5 degrees), a
 // camera that never sees the board together with the others, parameters that the pictures do not determine at all, or so badly
-// that the focal length is not certain to 5 %. 20 views by 3 cameras take about half a second.
+// that the focal length is not certain to 5 %. 24 views of 88 corners by 3 cameras take about 3 s.
 CameraCalibration calibrate_cameras(const CameraCalibrationInput& input);
 
 // Moves the rig by the rigid transform that brings its cameras to the drawn ones (same order) as nearly as it can: least squares of the

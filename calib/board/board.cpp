@@ -128,30 +128,28 @@ std::vector<cv::Point2f> in_board_order(const cv::Mat& picture, const Board& boa
 }
 
 BoardSeen find_chessboard(const cv::Mat& picture, const Board& board, CornerMethod method) {
-  constexpr double kWindowShare = 0.4;
+  constexpr double kWindowShare = 0.4, kLargestSide = 1600;
   const cv::Size size(board.columns - 1, board.rows - 1);
+  const double scale = std::min(1.0, kLargestSide / std::max(picture.cols, picture.rows));
+  cv::Mat looked_at = picture;
+  if (method == CornerMethod::kEither && scale < 1) cv::resize(picture, looked_at, {}, scale, scale, cv::INTER_AREA);
+  const cv::Mat shown = in_8_bits(looked_at);
   std::vector<cv::Point2f> corners;
   bool found = false;
-  if (method == CornerMethod::kClassic) {
+  if (method != CornerMethod::kSectors) {
     found = cv::findChessboardCorners(
-        in_8_bits(picture), size, corners,
-        cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK);
-    if (found) refine(picture, corners, kWindowShare);
-  } else {
-    constexpr int kFlags = cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY;
-    constexpr double kLargestSide = 1600;  // it takes half a minute at 4096 x 4096
-    const double scale = std::min(1.0, kLargestSide / std::max(picture.cols, picture.rows));
-    const bool shrink = method == CornerMethod::kSectorsRefined && scale < 1;
-    cv::Mat looked_at = picture;
-    if (shrink) cv::resize(picture, looked_at, {}, scale, scale, cv::INTER_AREA);
-    found = cv::findChessboardCornersSB(in_8_bits(looked_at), size, corners, kFlags);
-    if (found && method == CornerMethod::kSectorsRefined) {
-      const double back = double(picture.cols) / looked_at.cols;
-      for (cv::Point2f& corner : corners) {
-        corner = {float((double(corner.x) + 0.5) * back - 0.5), float((double(corner.y) + 0.5) * back - 0.5)};
-      }
-      refine(picture, corners, kWindowShare);
+        shown, size, corners, cv::CALIB_CB_ADAPTIVE_THRESH | cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_FAST_CHECK);
+  }
+  if (!found && method != CornerMethod::kClassic) {
+    found = cv::findChessboardCornersSB(shown, size, corners,
+                                        cv::CALIB_CB_NORMALIZE_IMAGE | cv::CALIB_CB_EXHAUSTIVE | cv::CALIB_CB_ACCURACY);
+  }
+  if (found && method != CornerMethod::kSectors) {
+    const double back = double(picture.cols) / looked_at.cols;
+    for (cv::Point2f& corner : corners) {
+      corner = {float((double(corner.x) + 0.5) * back - 0.5), float((double(corner.y) + 0.5) * back - 0.5)};
     }
+    refine(picture, corners, kWindowShare);
   }
   BoardSeen seen;
   if (!found || int(corners.size()) != board.corner_count()) {

@@ -1,6 +1,8 @@
 // Boards and their corners in pictures.
 #include <catch2/catch.hpp>
 
+#include <iostream>
+
 #include "calib/board_rig.h"
 #include "core/direction.h"
 #include "core/error.h"
@@ -41,7 +43,7 @@ double largest(const std::vector<double>& values) {
 TEST_CASE("corners of boards are found to a few hundredths of a pixel and called by their names") {
   const core::CameraModel camera = test::distorted_rig(1, 900, 700)[0];
   for (const Board& board : {kChessboard, kCharuco}) {
-    for (const CornerMethod method : {CornerMethod::kClassic, CornerMethod::kSectors, CornerMethod::kSectorsRefined}) {
+    for (const CornerMethod method : {CornerMethod::kClassic, CornerMethod::kSectors, CornerMethod::kEither}) {
       if (board.kind == BoardKind::kCharuco && method != CornerMethod::kClassic) continue;
       std::vector<double> errors;
       for (int instant = 0; instant < 6; ++instant) {
@@ -61,7 +63,8 @@ TEST_CASE("corners of boards are found to a few hundredths of a pixel and called
       }
       std::sort(errors.begin(), errors.end());
       INFO("median " << errors[errors.size() / 2] << ", 99 % " << errors[errors.size() * 99 / 100] << " px");
-      WARN("median " << errors[errors.size() / 2] << ", 99 % " << errors[errors.size() * 99 / 100] << " px");
+      std::cout << "method " << int(method) << ": median " << errors[errors.size() / 2] << ", 99 % "
+                << errors[errors.size() * 99 / 100] << " px\n";
       CHECK(errors[errors.size() / 2] < 0.06);
       CHECK(errors[errors.size() * 99 / 100] < 0.25);
     }
@@ -103,12 +106,14 @@ TEST_CASE("a mirrored ChArUco board is said to be mirrored; a mirrored chessboar
 TEST_CASE("pictures without the board, of another board, too small or too blurred have no corners but a reason") {
   const core::CameraModel camera = test::distorted_rig(1, 600, 480)[0];
   const core::RigidTransform pose = test::stage_from_board(kCharuco, 3, 0, 0);
-  Board other = kCharuco;
-  other.dictionary = "6x6_250";
+  Board markers = kCharuco, squares = kChessboard;
+  markers.dictionary = "6x6_250";
+  squares.columns = 12;
   const core::Image black(480, 600, 1);
   for (const Board& board : {kChessboard, kCharuco}) {
-    for (const core::Image& picture : {black, test::picture_of(camera, other, pose, 1, 0.45),
-                                       test::picture_of(camera, board, pose, 1, 14), core::Image(8, 8, 1)}) {
+    for (const core::Image& picture :
+         {black, test::picture_of(camera, board.kind == BoardKind::kCharuco ? markers : squares, pose, 1),
+          test::picture_of(camera, board, pose, 1, 14), core::Image(8, 8, 1)}) {
       const BoardSeen seen = find_board(picture, board);
       CHECK(seen.corners.empty());
       CHECK(!seen.reason.empty());
@@ -127,7 +132,7 @@ TEST_CASE("a board in a picture of 4096 x 4096 pixels is found in seconds") {
     const core::Image picture = test::picture_of(camera, board, pose, 1, 1.2);
     const core::Stopwatch watch;
     const BoardSeen seen = find_board(picture, board);
-    WARN("found in " << watch.seconds() << " s");
+    std::cout << "found in " << watch.seconds() << " s\n";
     INFO(seen.reason);
     CHECK(int(seen.corners.size()) == board.corner_count());
     CHECK(largest(errors_px(seen, camera, board, pose)) < 0.5);
