@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cli/calibrate_cameras.h"
 #include "cli/calibrate_lights.h"
 #include "cli/calibrate_verify.h"
 #include "cli/commands.h"
@@ -84,6 +85,8 @@ void add_calibrate(CLI::App& program, Context& context) {
   });
   add_calibrate_lights(*command, context);
   add_calibrate_verify(*command, context);
+  add_calibrate_cameras(*command, context);
+  add_calibrate_board(*command, context);
 }
 
 }  // namespace lightstage::cli

@@ -7,7 +7,7 @@
 #include "calib/light_gain.h"
 #include "calib/mirror_ball.h"
 #include "cli/jobs/ball_pass.h"
-#include "cli/jobs/provenance.h"
+#include "cli/jobs/stage_cameras.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -34,7 +34,7 @@ std::vector<calib::LightEstimate> estimate_lights(const db::Store& store, const 
 // Whether any light's gain could be measured; if none could, all stay 1.
 bool measure_gains(const db::Store& store, const db::Scan& scan, const CalibrateOptions& options,
                    std::vector<db::CalibratedLight>& lights) {
-  const CaptureProvenance provenance = capture_provenance(scan);
+  const CaptureProvenance provenance = calibrated_provenance(store, scan);
   const BallView view = view_ball(store, scan, provenance.stage.cameras.front(), options.grey_radius_m);
   core::Progress progress("light gains", view.light_frames.size());
   for (std::size_t i = 0; i < view.light_frames.size(); ++i) {
@@ -104,7 +104,7 @@ CalibrateReport calibrate(db::Store& store, const CalibrateOptions& options) {
     }
     product.stage_key = scan.stage_key;
     product.input_scans.push_back(scan.id);
-    const CaptureProvenance provenance = capture_provenance(scan);
+    const CaptureProvenance provenance = calibrated_provenance(store, scan);
     core::Progress progress("light directions",
                             provenance.stage.light_positions.size() * provenance.stage.cameras.size());
     for (const capture::StageCamera& camera : provenance.stage.cameras) {

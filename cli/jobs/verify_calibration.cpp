@@ -8,7 +8,7 @@
 #include "calib/light_bundle.h"
 #include "calib/mirror_ball.h"
 #include "cli/jobs/ball_pass.h"
-#include "cli/jobs/provenance.h"
+#include "cli/jobs/stage_cameras.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
@@ -62,7 +62,7 @@ VerifyCalibrationReport verify_calibration(const db::Store& store, const std::st
   report.calibrated_utc = calibration->created_utc;
   std::vector<double> pixels, degrees, ratios;
   std::set<int> moved;
-  const CaptureProvenance provenance = capture_provenance(scan);
+  const CaptureProvenance provenance = calibrated_provenance(store, scan);
   core::Progress progress("highlights", provenance.stage.light_positions.size() * provenance.stage.cameras.size());
   for (const capture::StageCamera& camera : provenance.stage.cameras) {
     const BallView view = view_ball(store, scan, camera, radius_m);
