@@ -213,7 +213,6 @@ void add_calibrate_cameras(CLI::App& calibrate, Context& context) {
   command
       ->add_option("--distortion", options->distortion,
                    "Terms to estimate: none, k1, k1,k2 or k1,k2,p1,p2 [default] or k1,k2,k3,p1,p2")
-      ->delimiter('\0')
       ->transform(one_of(terms));
   command->add_option("--name", options->name, "Name of the calibration in the store");
   command->add_option("--out", options->out, "Folder for cameras.toml, cameras.json, cameras.png and stage.toml");

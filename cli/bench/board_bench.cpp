@@ -125,8 +125,8 @@ void judge(BoardBenchRow& row, const calib::CameraCalibration& result, const std
   const RigidTransform first = rig[0].stage_from_camera.inverse(), &found = result.cameras[1].model.stage_from_camera;
   row.position_mm = 1000 * norm(found.translation - first.apply(rig[1].centre()));
   const core::Mat3 turn = found.rotation.transposed() * (first.rotation * rig[1].stage_from_camera.rotation);
-  const double sine =
-      0.5 * norm({turn.rows[2].y - turn.rows[1].z, turn.rows[0].z - turn.rows[2].x, turn.rows[1].x - turn.rows[0].y});
+  const double sine = 0.5 * core::norm({turn.rows[2].y - turn.rows[1].z, turn.rows[0].z - turn.rows[2].x,
+                                        turn.rows[1].x - turn.rows[0].y});
   row.rotation_degrees = core::degrees_from_radians(std::asin(std::min(1.0, sine)));
 }
 
