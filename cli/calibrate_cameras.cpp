@@ -156,11 +156,14 @@ struct BoardOptions {
 void run_board(BoardOptions options, const Context& context) {
   calib::Board& board = options.board;
   board.kind = options.kind == "charuco" ? calib::BoardKind::kCharuco : calib::BoardKind::kChessboard;
-  // Whole pixels a square, and markers of whole pixels a bit (codes of 4 to 7 bits a side within a border of one).
-  const int square_px = int(std::lround(options.square_mm / 25.4 * options.dpi));
+  // Whole pixels; the description says what these are when printed.
+  const auto pixels = [&](double mm) { return int(std::lround(mm / 25.4 * options.dpi)); };
+  const auto printed_mm = [&](int px) { return px * 25.4 / options.dpi; };
   constexpr double kUsualMarker = 0.6;
-  board.square_m = options.square_mm / 1000;
-  board.marker_m = (options.marker_mm > 0 ? options.marker_mm : kUsualMarker * options.square_mm) / 1000;
+  const int square_px = pixels(options.square_mm);
+  const int marker_px = pixels(options.marker_mm > 0 ? options.marker_mm : kUsualMarker * options.square_mm);
+  board.square_m = printed_mm(square_px) / 1000;
+  board.marker_m = printed_mm(marker_px) / 1000;
   calib::require_usable(board);
   constexpr double kMostPixels = 4e8;
   if (double(square_px) * square_px * (board.columns + 2) * (board.rows + 2) > kMostPixels) {
@@ -172,15 +175,14 @@ void run_board(BoardOptions options, const Context& context) {
   toml.replace_extension(".toml");
   core::write_image(options.out, calib::board_picture(board, square_px, square_px / 2));
   core::write_file_atomically(toml, to_toml(board));
-  const double printed_mm = square_px * 25.4 / options.dpi;
   context.result(
       "wrote " + options.out.string() + " and " + toml.string() + "\nprint it at " + std::to_string(options.dpi) +
-          " dots per inch (squares of " + fixed(printed_mm, 3) +
+          " dots per inch (squares of " + fixed(printed_mm(square_px), 3) +
           " mm), glue it onto something flat, measure its squares, and correct square_mm in the .toml file\n",
       {{"picture", options.out.string()},
        {"board", toml.string()},
        {"dpi", options.dpi},
-       {"printed_square_mm", printed_mm}});
+       {"printed_square_mm", printed_mm(square_px)}});
 }
 
 }  // namespace

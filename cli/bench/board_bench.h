@@ -19,7 +19,7 @@ struct BoardBenchRow {
 };
 
 // 640 x 480 pixels, barrel and tangential distortion, sensor noise at 12 bits; the default of each knob where another one is turned. The
-// truth is asked only afterwards. About 20 s on two cores.
+// truth is asked only afterwards. About half a minute of one core.
 std::vector<BoardBenchRow> bench_boards();
 
 }  // namespace lightstage::cli

@@ -30,7 +30,7 @@ struct Studio {
 
   Studio() {
     REQUIRE(
-        run({"calibrate", "board", "--square-mm", "36", "--dpi", "50", "--out", path("board.png"), "--json"}).status ==
+        run({"calibrate", "board", "--square-mm", "36", "--dpi", "254", "--out", path("board.png"), "--json"}).status ==
         0);
     for (int c = 0; c < 2; ++c) {
       core::CameraModel camera = core::look_at({c == 0 ? -0.2 : 0.2, 0.05, 0.95}, {0, 0, 0}, 480, 360, 34);
