@@ -80,9 +80,8 @@ TEST_CASE("a chessboard is held still for a second, then in another pose") {
     }
     return result;
   };
-  CHECK(longest(kSecond / 100, kSecond * 99 / 100) == 0);
+  CHECK(longest(kSecond / 100, kSecond * 99 / 100) < 0.02);  // rounding alone
   CHECK(longest(kSecond / 2, kSecond * 3 / 2) > 0.5);
-  CHECK(longest(kSecond / 2, kSecond * 3 / 2) == longest(kSecond / 2, kSecond * 3 / 2));
 }
 
 TEST_CASE("the true flow is the projected motion of the point seen") {
