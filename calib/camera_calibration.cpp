@@ -322,7 +322,7 @@ class Calibration {
   }
 
   CameraCalibration solve() {
-    require_enough("its picture shows the board");
+    require_enough("show the board");
     Bundle rig(input_.board, input_.distortion, input_.cameras.size(), instants_);
     start(rig);
     rig.views = std::move(views_);
@@ -334,7 +334,7 @@ class Calibration {
       if (!leave_out_outliers(rig)) break;
     }
     views_ = rig.views;
-    require_enough("the board's corners fit together");
+    require_enough("fit in with the others");
     connected_order();
     rig.minimise(Bundle::Loss::kNone);
     rig.estimate_sigmas();
@@ -364,7 +364,7 @@ class Calibration {
     for (const Bundle::View& view : views_) ++count[view.camera];
     for (std::size_t c = 0; c < count.size(); ++c) {
       if (count[c] >= kFewestViews) continue;
-      throw core::BadInput(name(c) + ": " + what + " " + std::to_string(count[c]) + " times, and at least " +
+      throw core::BadInput(name(c) + ": " + std::to_string(count[c]) + " of its pictures " + what + ", and at least " +
                            std::to_string(kFewestViews) + " are needed; " + kHowToShow);
     }
   }

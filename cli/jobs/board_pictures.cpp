@@ -17,16 +17,23 @@ namespace fs = std::filesystem;
 
 namespace {
 
-// Folders below it that hold pictures, in the order of their names.
+// The folder itself where it holds pictures, else those below it that do, in the order of their names.
 std::vector<fs::path> camera_folders(const fs::path& folder) {
-  if (!pictures_in(folder).empty()) return {folder};
+  const bool itself = !pictures_in(folder).empty();
   std::vector<fs::path> folders;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
     if (entry->is_directory() && !pictures_in(entry->path()).empty()) folders.push_back(entry->path());
   }
-  if (folders.empty())
+  if (itself && !folders.empty()) {
+    throw core::BadInput("'" + folder.string() + "' holds pictures, and so does '" +
+                         folders.front().filename().string() +
+                         "' in it: put every camera's pictures into a folder of its own, and nothing beside them");
+  }
+  if (itself) return {folder};
+  if (folders.empty()) {
     throw core::BadInput("'" + folder.string() + "': there are no pictures in it, nor in folders below it");
+  }
   std::sort(folders.begin(), folders.end(), [](const fs::path& a, const fs::path& b) {
     return natural_less(a.filename().string(), b.filename().string());
   });

@@ -253,7 +253,15 @@ TEST_CASE("sets of views that cannot determine cameras are refused with advice")
   INFO(small);
   CHECK(!small.empty());
 
-  // Two end-over-end ambiguous views cannot tell.
+  // Seen together once, a board that looks the same upside down leaves two places for the second camera; another one does not.
+  for (const Board& board : {kEven, kChessboard}) {
+    CameraCalibrationInput once = exact_input(rig, board, 9, 0, 4);
+    std::erase_if(once.views,
+                  [](const BoardView& view) { return view.instant != 4 && (view.instant < 4) != (view.camera == 0); });
+    INFO(refusal(once));
+    CHECK((refusal(once).find("which end is up") != std::string::npos) == board.looks_same_upside_down());
+  }
+
   CHECK(refusal({.board = kChessboard, .cameras = {}}).find("no cameras") != std::string::npos);
   BoardView wrong = input.views[0];
   wrong.corners[0].id = 1000;

@@ -8,9 +8,12 @@
 #include "calib/board.h"
 #include "capture/stage.h"
 #include "cli/program.h"
+#include "core/direction.h"
 #include "core/file.h"
 #include "core/image_file.h"
+#include "core/light_list.h"
 #include "core/text.h"
+#include "db/store.h"
 #include "sim/held_board.h"
 #include "sim/print.h"
 #include "support/support.h"
@@ -41,14 +44,15 @@ struct Studio {
     }
     const sim::Print print{calib::board_picture(board, 40, 30), board.square_m / 40, 30};
     for (int c = 0; c < 2; ++c) {
-      fs::create_directory(folder / name(c));
+      fs::create_directories(views() / name(c));
       for (int i = 0; i < kViews; ++i) {
-        core::write_image(folder / name(c) / ("view" + std::to_string(i) + ".png"),
+        core::write_image(views() / name(c) / ("view" + std::to_string(i) + ".png"),
                           sim::photograph(truth[std::size_t(c)], print, pose(i)));
       }
     }
   }
   static std::string name(int camera) { return camera == 0 ? "left" : "right"; }
+  fs::path views() const { return folder / "views"; }
   std::string path(const std::string& file) const { return (folder / file).string(); }
   core::RigidTransform pose(int i) const {
     const core::RigidTransform held = sim::held_board_pose(4, i, 0.1);
@@ -59,7 +63,7 @@ struct Studio {
     return test::run_program(folder / "store", arguments);
   }
   test::Outcome calibrate(std::vector<std::string> more) const {
-    std::vector<std::string> arguments{"calibrate", "cameras",          "--pictures", folder.path().string(),
+    std::vector<std::string> arguments{"calibrate", "cameras",          "--pictures", views().string(),
                                        "--board",   path("board.toml"), "--json"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     return run(arguments);
@@ -75,7 +79,7 @@ core::Vec3 vec(const nlohmann::json& json) {
 TEST_CASE("calibrate cameras: loose pictures of two cameras, files that others read, a damaged picture") {
   Studio studio;
   // One more picture, which is none; it is named and left out.
-  std::ofstream(studio.folder / "left" / "view99.png") << "no picture";
+  std::ofstream(studio.views() / "left" / "view99.png") << "no picture";
   const test::Outcome outcome = studio.calibrate({"--out", studio.path("out")});
   INFO(outcome.err << outcome.out);
   REQUIRE(outcome.status == 0);
@@ -110,8 +114,8 @@ TEST_CASE("calibrate cameras: loose pictures of two cameras, files that others r
   balls << core::read_text_file(studio.folder / "out" / "cameras.toml")
         << "\n[[ball]]\ncamera = \"left\"\nradius_m = 0.05\nfolder = \"left\"\n";
   balls.close();
-  const test::Outcome lights = studio.run(
-      {"calibrate", "lights", "--balls", studio.folder.path().string(), "--circles", studio.path("balls.toml")});
+  const test::Outcome lights =
+      studio.run({"calibrate", "lights", "--balls", studio.views().string(), "--circles", studio.path("balls.toml")});
   CHECK(lights.err.find("nothing says where it is") != std::string::npos);
 }
 
@@ -153,7 +157,7 @@ TEST_CASE("calibrate cameras: what cannot be calibrated is refused in one line")
   };
   const auto with_board = [&](const std::string& toml) {
     core::write_file_atomically(studio.folder / "other.toml", toml);
-    return studio.run({"calibrate", "cameras", "--pictures", studio.folder.path().string(), "--board",
+    return studio.run({"calibrate", "cameras", "--pictures", studio.views().string(), "--board",
                        studio.path("other.toml"), "--quiet"});
   };
   refused(with_board("kind = \"chessboard\"\ncolumns = 8\nrows = 8\nsquare_mm = 20\n"), 3, "turned by a quarter");
@@ -167,10 +171,12 @@ TEST_CASE("calibrate cameras: what cannot be calibrated is refused in one line")
       studio.run({"calibrate", "cameras", "--pictures", studio.path("nowhere"), "--board", studio.path("board.toml")}),
       3, "no folder");
   fs::create_directory(studio.folder / "one");
-  fs::copy_file(studio.folder / "left" / "view0.png", studio.folder / "one" / "view0.png");
+  fs::copy_file(studio.views() / "left" / "view0.png", studio.folder / "one" / "view0.png");
   refused(studio.run({"calibrate", "cameras", "--pictures", studio.path("one"), "--board", studio.path("board.toml"),
                       "--quiet"}),
           3, "at least 3");
+  fs::copy_file(studio.views() / "left" / "view0.png", studio.views() / "view0.png");
+  refused(studio.calibrate({}), 3, "a folder of its own");
 }
 
 TEST_CASE("a chessboard pass calibrates the stage's cameras, which passes are then measured with and exports write") {
@@ -291,6 +297,43 @@ TEST_CASE("a chessboard pass calibrates the stage's cameras, which passes are th
       }
     }
   }
+  // Ball passes are measured with the newest cameras: the directions follow a lens that is said to be elsewhere.
+  REQUIRE(
+      run({"capture", "--sim", "--mirror-ball", "--stage", stage_file, "--size", "320", "--name", "ball", "--quiet"})
+          .status == 0);
+  const auto directions = [&](const std::string& file) {
+    const test::Outcome calibrated = run({"calibrate", "ball", "--lp", (folder / file).string(), "--quiet"});
+    INFO(calibrated.err);
+    REQUIRE(calibrated.status == 0);
+    std::vector<core::Vec3> found;
+    for (const core::LpEntry& entry : core::read_lp(folder / file)) found.push_back(entry.direction.vec());
+    return found;
+  };
+  const std::vector<core::Vec3> before = directions("before.lp");
+  {
+    db::Store store = db::Store::open(folder / "store");
+    const db::Product measured = store.products("camera_calibration").back();
+    nlohmann::json parameters = nlohmann::json::parse(measured.parameters);
+    for (nlohmann::json& camera : parameters.at("cameras")) {
+      // The cameras turned by two degrees about the stage's y axis.
+      for (const char* key : {"position_m", "right", "down", "forward"}) {
+        const core::Vec3 v = core::rotation_about({0, 1, 0}, core::radians_from_degrees(2)) * vec(camera.at(key));
+        camera[key] = {v.x, v.y, v.z};
+      }
+    }
+    db::NewProduct turned;
+    turned.kind = "camera_calibration";
+    turned.stage_key = measured.stage_key;
+    turned.parameters = parameters.dump();
+    store.add_product(turned);
+  }
+  const std::vector<core::Vec3> after = directions("after.lp");
+  REQUIRE(before.size() == after.size());
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const core::Vec3 expected = core::rotation_about({0, 1, 0}, core::radians_from_degrees(2)) * before[i];
+    CHECK(norm(after[i] - expected) < 0.003);
+  }
+
   const test::Outcome again = run({"export", "boards", "--format", "colmap", "--out", (folder / "colmap").string()});
   CHECK(again.status == 2);
   CHECK(run({"export", "boards", "--undistort", "--out", (folder / "lp").string()}).status == 2);
