@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cli/calibrate_cameras.h"
 #include "cli/calibrate_colour.h"
 #include "cli/calibrate_flat.h"
 #include "cli/calibrate_lights.h"
@@ -120,6 +121,8 @@ void add_calibrate(CLI::App& program, Context& context) {
   });
   add_calibrate_lights(*command, context);
   add_calibrate_verify(*command, context);
+  add_calibrate_cameras(*command, context);
+  add_calibrate_board(*command, context);
   add_calibrate_flat(*command, context);
   add_calibrate_colour(*command, context);
   add_calibrate_linearity(*command, context);

@@ -270,7 +270,13 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_option("--sequence", request.sequence_file, "Sequence file; default: every light once");
   command->add_flag("--mirror-ball", request.mirror_ball, "On the stage stands a mirror ball, for `calibrate`");
   command->add_flag("--grey-ball", request.grey_ball, "On the stage stands a grey ball, for `calibrate --grey`");
-  command->add_flag("--chessboard", request.chessboard, "On the stage stands a chessboard");
+  command->add_flag("--chessboard", request.chessboard,
+                    "A chessboard is moved about on the stage, for `calibrate cameras`");
+  command
+      ->add_option("--views", request.board_views,
+                   "Frames of the chessboard, all lights on; --settle (2 s here) is the time to move it")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
   command->add_flag("--white-card", request.white_card,
                     "On the stage stands a white card that fills the pictures, for `calibrate flat --scan`");
   command->add_option("--tracking-every", request.tracking_every, "A tracking frame before every n-th light; 0: none")
@@ -308,7 +314,7 @@ void add_capture(CLI::App& program, Context& context) {
   const std::vector<CLI::Option*> simulated = add_simulation_options(*command, request);
   std::vector<CLI::Option*> new_ones = simulated;
   for (const char* name : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
-                           "--mirror-ball", "--grey-ball", "--chessboard", "--white-card", "--tracking-every"}) {
+                           "--mirror-ball", "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
   std::vector<CLI::Option*> not_dry;

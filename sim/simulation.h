@@ -27,6 +27,7 @@ struct SubjectSpec {
   core::Vec3 position;     // metres from stage centre, where it stands
 };
 
+// Balls do not move. A chessboard is held in another pose every second (sim/held_board.h), unless amplitude_m is 0: then it stands still.
 struct MotionSpec {
   double amplitude_m = 0.004;  // of the drift of the subject over the pass; 0 for a subject that stands still
   double rotation_degrees = 0.6;

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "sim/held_board.h"
 #include "sim/render/illuminate.h"
 #include "sim/scene/motion.h"
 #include "sim/scene/true_lights.h"
@@ -24,6 +25,10 @@ constexpr std::size_t kMostExactLights = 16;
 void require(bool good, const std::string& problem) {
   if (!good) throw core::BadInput("simulation: " + problem);
 }
+
+// A board is moved to its next pose every second, within a quarter of its height about stage centre.
+constexpr core::Nanoseconds kBoardHeld = core::kSecond;
+constexpr double kBoardReach = 0.25;
 
 // Before anything is built.
 const Simulation& checked(const Simulation& s) {
@@ -58,7 +63,7 @@ std::unique_ptr<Subject> make_subject(const SubjectSpec& spec) {
   throw core::BadInput("simulation: unknown kind of subject");
 }
 
-// Only what breathes moves; calibration targets stand on a tripod.
+// Only what breathes moves by itself; balls stand on a tripod, and a board is held still in one pose after another.
 MotionSpec motion_of(const Simulation& simulation) {
   const SubjectKind kind = simulation.subject.kind;
   const bool alive = kind == SubjectKind::kProceduralHead || kind == SubjectKind::kMesh;
@@ -84,6 +89,12 @@ struct World::Impl {
         surfaces(*subject, samples_per_side(s), s.indirect_bounce, s.stage.cameras.size()) {}
 
   core::Vec3 light_position(std::size_t i) const { return *lights[i].position; }
+
+  core::RigidTransform stage_from_subject(core::Nanoseconds t) const {
+    const bool held = simulation.subject.kind == SubjectKind::kChessboard && simulation.motion.amplitude_m != 0;
+    if (!held) return motion.stage_from_subject(t);
+    return held_board_pose(simulation.seed, int(t / kBoardHeld), kBoardReach * subject_size_m(simulation.subject));
+  }
 
   void prepare_visibility() {
     const core::RigidTransform subject_from_stage = motion.rest().inverse();
@@ -169,14 +180,14 @@ core::Image World::render(const core::CameraModel& camera, std::span<const captu
   if (lamps.size() > kMostExactLights) {
     std::call_once(impl_->visibility_prepared, [this] { impl_->prepare_visibility(); });
   }
-  const core::RigidTransform pose = impl_->motion.stage_from_subject(t);
+  const core::RigidTransform pose = impl_->stage_from_subject(t);
   return impl_->picture(camera, pose, *impl_->surfaces.get(camera, pose), lamps, index);
 }
 
 std::vector<core::Image> World::render_directions(const core::CameraModel& camera,
                                                   std::span<const core::Direction> directions,
                                                   core::Nanoseconds t) const {
-  const core::RigidTransform pose = impl_->motion.stage_from_subject(t);
+  const core::RigidTransform pose = impl_->stage_from_subject(t);
   const auto buffer = impl_->surfaces.get(camera, pose);
   const capture::Stage& stage = impl_->simulation.stage;
   std::vector<core::Image> images;
@@ -189,12 +200,11 @@ std::vector<core::Image> World::render_directions(const core::CameraModel& camer
 }
 
 core::Image World::coverage(const core::CameraModel& camera, core::Nanoseconds t) const {
-  return sim::coverage(*impl_->surfaces.get(camera, impl_->motion.stage_from_subject(t)));
+  return sim::coverage(*impl_->surfaces.get(camera, impl_->stage_from_subject(t)));
 }
 
 core::Image World::true_flow(const core::CameraModel& camera, core::Nanoseconds from, core::Nanoseconds to) const {
-  const core::RigidTransform then = impl_->motion.stage_from_subject(from),
-                             later = impl_->motion.stage_from_subject(to);
+  const core::RigidTransform then = impl_->stage_from_subject(from), later = impl_->stage_from_subject(to);
   const core::RigidTransform back = then.inverse();
   core::Image flow(camera.height, camera.width, 2);
   std::fill(flow.values().begin(), flow.values().end(), std::numeric_limits<float>::quiet_NaN());

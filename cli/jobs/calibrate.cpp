@@ -8,7 +8,7 @@
 
 #include "calib/light_gain.h"
 #include "cli/jobs/ball_pass.h"
-#include "cli/jobs/provenance.h"
+#include "cli/jobs/stage_cameras.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -68,7 +68,7 @@ MirrorPasses look_at_passes(const db::Store& store, const CalibrateOptions& opti
     }
     product.stage_key = scan.stage_key;
     product.input_scans.push_back(scan.id);
-    const capture::Stage stage = capture_provenance(scan).stage;
+    const capture::Stage stage = calibrated_provenance(store, scan).stage;
     drawn = stage.light_positions;
     for (const capture::StageCamera& camera : stage.cameras) {
       passes.views.push_back(view_ball(store, scan, camera, options.mirror_radius_m));
@@ -109,7 +109,7 @@ void add_reason(std::string& reasons, const std::string& reason) {
 // Whether any light's gain could be measured; if none could, all stay 1.
 bool measure_gains(const db::Store& store, const db::Scan& scan, const CalibrateOptions& options,
                    CalibrateReport& report) {
-  const CaptureProvenance provenance = capture_provenance(scan);
+  const CaptureProvenance provenance = calibrated_provenance(store, scan);
   const BallView view = view_ball(store, scan, provenance.stage.cameras.front(), options.grey_radius_m);
   core::Progress progress("light gains", view.light_frames.size());
   std::map<int, std::string> problems;

@@ -59,7 +59,24 @@ core::Nanoseconds whole_units(core::Nanoseconds exposure) {
   return std::max<core::Nanoseconds>(1, (exposure + kExposureUnit / 2) / kExposureUnit) * kExposureUnit;
 }
 
+// A board is held up in one pose after another, all lights on.
+capture::Sequence board_sequence(const CaptureRequest& request, std::size_t lights) {
+  constexpr core::Nanoseconds kTimeToMove = 2 * core::kSecond;
+  core::Nanoseconds exposure = capture::default_full_on_exposure(20 * core::kMillisecond, lights);
+  if (request.exposure_ms) exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
+  if (!request.simulate) exposure = whole_units(exposure);
+  capture::Sequence sequence;
+  sequence.settle = kTimeToMove;
+  const auto add = [&](db::StepKind kind) {
+    sequence.steps.push_back({.step_index = int(sequence.steps.size()), .kind = kind, .exposure_ns = exposure});
+  };
+  add(db::StepKind::kDark);
+  for (int i = 0; i < request.board_views; ++i) add(db::StepKind::kFullOn);
+  return sequence;
+}
+
 capture::Sequence default_sequence(const CaptureRequest& request, std::size_t lights) {
+  if (request.chessboard) return board_sequence(request, lights);
   capture::OlatOptions olat;
   olat.light_count = lights;
   olat.tracking_every = scan_kind(request) == db::ScanKind::kOlat && !request.white_card ? request.tracking_every : 0;

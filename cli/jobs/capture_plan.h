@@ -15,6 +15,7 @@ struct CaptureRequest {
   std::filesystem::path stage_file;
   std::filesystem::path sequence_file;  // empty: every light once
   bool mirror_ball = false, grey_ball = false, chessboard = false, white_card = false;
+  int board_views = 20;  // of a chessboard: frames under all lights, between which it is moved
   int tracking_every = 10;
   std::vector<double>
       exposure_ms;  // of every light; several are a bracket, whose middle one counts as the usual exposure

@@ -12,7 +12,7 @@
 #include "calib/shading.h"
 #include "cli/format.h"
 #include "cli/jobs/ball_pass.h"
-#include "cli/jobs/provenance.h"
+#include "cli/jobs/stage_cameras.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
@@ -215,7 +215,7 @@ VerifyCalibrationReport verify_calibration(const db::Store& store, const std::st
   }
   report.calibration_id = product->id;
   report.calibrated_utc = product->created_utc;
-  const capture::Stage stage = capture_provenance(scan).stage;
+  const capture::Stage stage = calibrated_provenance(store, scan).stage;
   const std::size_t cameras = report.by_grey_ball ? 1 : stage.cameras.size();
   core::Progress progress("comparing lights", stage.light_positions.size() * cameras);
   for (std::size_t c = 0; c < cameras; ++c) {
