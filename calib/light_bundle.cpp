@@ -341,7 +341,8 @@ class Bundle {
       if (!light.placed) continue;
       for (const HighlightSeen* seen : light.seen) square += std::pow(misfit(light, *seen), 2);
     }
-    scale_ = std::max(1e-3, std::sqrt(square / *redundant));
+    // Never lowered: what all views have wrong alike, they agree on.
+    scale_ = std::max(1.0, std::sqrt(square / *redundant));
     return true;
   }
 

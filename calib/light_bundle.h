@@ -69,7 +69,7 @@ struct BundleResult {
 // outlines against each ball's cone of tangent rays, each over its standard error, and distances where given (Ceres Solver;
 // Levenberg-Marquardt, sparse Schur complement). First with a Cauchy loss; then highlights further off than five standard errors are left
 // out (lights seen more than twice) or the light is not placed, and the rest solved again without it. Where at least 10 of the highlights' coordinates
-// are redundant, their standard errors are then scaled to what their residuals show (variance component estimation, Foerstner 1979), and all is
+// are redundant, their standard errors are then raised, never lowered, to what their residuals show (variance component estimation, Foerstner 1979), and all is
 // solved again. Covariances by inversion of the
 // normal equations at the solution. Lights seen once need a distance, and are not placed without. The same for every
 // thread count. Cost: about 2 ms a light and highlight. Throws BadInput for indices out of range, errors that are not positive, or a ball
