@@ -6,7 +6,9 @@
 #include <optional>
 #include <utility>
 
+#include "align/hidden.h"
 #include "align/registration.h"
+#include "align/subject_mask.h"
 #include "capture/sequence.h"
 #include "capture/stage.h"
 #include "core/image_file.h"
@@ -40,8 +42,8 @@ sim::Simulation simulation_of(const MovingPassOptions& options, double times) {
   simulation.subject.seed = options.seed;
   simulation.seed = options.seed;
   simulation.sensor.vignetting = 0;  // the truth is the lens's alone
-  simulation.motion.amplitude_m *= times;
-  simulation.motion.rotation_degrees *= times;
+  simulation.motion.amplitude_m *= options.kind == MotionKind::kTurn ? 0 : times;
+  simulation.motion.rotation_degrees *= options.kind == MotionKind::kShift ? 0 : times;
   return simulation;
 }
 
@@ -77,6 +79,37 @@ double psnr_of(const core::OlatScan& scan, const std::vector<core::Direction>& d
                                      model::judged(truth[i], exposure, false), scan.mask());
   }
   return -10 * std::log10(sum / double(directions.size()));
+}
+
+struct SquaredError {
+  double sum = 0;
+  std::size_t count = 0;
+  void add(float a, float b) {
+    sum += double(a - b) * double(a - b);
+    ++count;
+  }
+  double root_mean() const { return count == 0 ? 0 : std::sqrt(sum / double(count)); }
+};
+
+// What `align` makes of aligned frames, in which part of the subject is hidden (cli/jobs/aligned_frames.h).
+std::vector<core::Image> without_hidden(const MovingPass& pass, const std::vector<core::Image>& aligned,
+                                        const std::vector<core::Image>& confidences,
+                                        const std::vector<core::Direction>& lights) {
+  std::vector<core::Image> filled = aligned;
+  core::parallel_for(aligned.size(), 1, [&](std::size_t first, std::size_t last) {
+    for (std::size_t i = first; i < last; ++i) {
+      align::HiddenPixels hidden(confidences[i], pass.subject());
+      if (hidden.count() == 0) continue;
+      for (const std::size_t other : core::nearest_indices(lights, lights[i], align::kHiddenNeighbours + 1)) {
+        if (other == i) continue;
+        hidden.add(aligned[i], confidences[i], aligned[other], confidences[other], pass.subject(),
+                   align::hidden_weight(lights[i], lights[other]));
+      }
+      core::Image seen = confidences[i];
+      hidden.fill(filled[i], seen);
+    }
+  });
+  return filled;
 }
 
 // As bright as each other, so that each counts in the mean, and dark enough to be seen.
@@ -118,11 +151,13 @@ MovingPass::MovingPass(const MovingPassOptions& options) : options_(options) {
   const auto move = [&](double times) {
     world_ = std::make_unique<sim::World>(simulation_of(options_, times));
     true_flows_.clear();
+    tracking_frames_.clear();
     coverage_ = world_->coverage(camera_of(*world_).model, time_of(key()));
     motion_px_ = farthest();
   };
   move(options.motion_px > 0 ? 1 : 0);
   if (options.motion_px > 0) move(options.motion_px / motion_px_);
+  subject_ = align::subject_mask(tracking_frame(key()));
 }
 
 core::Nanoseconds MovingPass::time_of(int frame) {
@@ -194,7 +229,7 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
     for (std::size_t i = first; i < last; ++i) {
       if (places[i] == pass.key()) continue;
       flows[i] = align::compute_flow(key, *frames[i], knobs.flow, knobs.shrink);
-      if (align::stands_still(flows[i], pass.coverage())) {
+      if (align::stands_still(flows[i], pass.subject())) {
         flows[i] = align::FlowField(key.height(), key.width(), 2);
         continue;
       }
@@ -215,7 +250,9 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
   row.believed = subject == 0 ? 1 : double(believed) / double(subject);
 
   align::MotionTrack track(knobs.between);
-  for (std::size_t i = 0; i < places.size(); ++i) track.add(MovingPass::time_of(places[i]), std::move(flows[i]));
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    track.add(MovingPass::time_of(places[i]), std::move(flows[i]), std::move(confidences[i]));
+  }
   std::vector<float> errors;
   constexpr int kEveryJudged = 3;
   for (int frame = 1; frame < pass.frame_count(); frame += kEveryJudged) {
@@ -234,24 +271,50 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
 }
 
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions) {
-  std::vector<core::Image> unaligned, aligned;
+  std::vector<core::Image> unaligned, aligned, confidences;
   core::Progress progress("light frames", std::size_t(pass.frame_count()));
   for (int frame = 0; frame < pass.frame_count(); ++frame) {
     core::throw_if_interrupted();
+    const align::FlowField flow = motion.at(MovingPass::time_of(frame));
     unaligned.push_back(pass.light_frame(frame));
-    aligned.push_back(align::warp(unaligned.back(), motion.at(MovingPass::time_of(frame))));
+    aligned.push_back(align::warp(unaligned.back(), flow));
+    confidences.push_back(motion.confidence_at(MovingPass::time_of(frame)));
+    align::clear_outside(confidences.back(), flow);
     progress.advance();
   }
   const core::OlatScan as_taken = pass.scan(std::move(unaligned));
-  std::vector<core::Direction> lights;
-  for (std::size_t i = 0; i < as_taken.light_count(); ++i) lights.push_back(as_taken.light(i).direction);
-  const core::OlatScan still = pass.scan(pass.truth(lights));
+  const std::vector<core::Direction>& lights = as_taken.directions();
+  const std::vector<core::Image> still_images = pass.truth(lights);
+  const core::OlatScan still = pass.scan(still_images);
+  const double exposure = still.exposure();
+  BlendingGain gain;
+  const std::vector<core::Image> filled = without_hidden(pass, aligned, confidences, lights);
+  SquaredError as_warped, predicted;
+  for (std::size_t i = 0; i < aligned.size(); ++i) {
+    const core::Image truth = model::judged(still_images[i], exposure, false);
+    const core::Image before = model::judged(aligned[i], exposure, false);
+    const core::Image after = model::judged(filled[i], exposure, false);
+    std::size_t subject = 0, hidden = 0;
+    for (int y = 0; y < truth.height(); ++y)
+      for (int x = 0; x < truth.width(); ++x) {
+        subject += pass.subject()(y, x) > 0.5F;
+        if (pass.subject()(y, x) <= 0.5F || confidences[i](y, x) > 0) continue;
+        ++hidden;
+        for (int channel = 0; channel < truth.channels(); ++channel) {
+          as_warped.add(truth(y, x, channel), before(y, x, channel));
+          predicted.add(truth(y, x, channel), after(y, x, channel));
+        }
+      }
+    gain.hidden += double(hidden) / double(std::max<std::size_t>(1, subject)) / double(aligned.size());
+  }
+  gain.hidden_error_as_warped = as_warped.root_mean();
+  gain.hidden_error = predicted.root_mean();
   const std::vector<core::Direction> asked = pass.between_lights(directions);
   const std::vector<core::Image> truth = pass.truth(asked);
-  const double exposure = still.exposure();
-  return {.unaligned_db = psnr_of(as_taken, asked, truth, exposure),
-          .aligned_db = psnr_of(pass.scan(std::move(aligned)), asked, truth, exposure),
-          .still_db = psnr_of(still, asked, truth, exposure)};
+  gain.unaligned_db = psnr_of(as_taken, asked, truth, exposure);
+  gain.aligned_db = psnr_of(pass.scan(filled), asked, truth, exposure);
+  gain.still_db = psnr_of(still, asked, truth, exposure);
+  return gain;
 }
 
 FacesRow register_faces(const std::filesystem::path& yale_folder) {
@@ -320,7 +383,7 @@ StillRow still_subject(const MovingPassOptions& options, const AlignKnobs& knobs
     for (int y = 0; y < flow.height(); ++y)
       for (int x = 0; x < flow.width(); ++x)
         if (pass.coverage()(y, x) > 0.5F) raw.push_back(std::hypot(flow(y, x, 0), flow(y, x, 1)));
-    if (align::stands_still(flow, pass.coverage())) flow = align::FlowField(flow.height(), flow.width(), 2);
+    if (align::stands_still(flow, pass.subject())) flow = align::FlowField(flow.height(), flow.width(), 2);
     for (int y = 0; y < flow.height(); ++y)
       for (int x = 0; x < flow.width(); ++x)
         if (pass.coverage()(y, x) > 0.5F) lengths.push_back(std::hypot(flow(y, x, 0), flow(y, x, 1)));

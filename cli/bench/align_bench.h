@@ -16,10 +16,17 @@
 
 namespace lightstage::cli {
 
+enum class MotionKind {
+  kSway,   // to and fro, up and down, while turning a little
+  kTurn,   // on the spot: what is near moves more than what is far, and is hidden by it
+  kShift,  // without turning
+};
+
 struct MovingPassOptions {
   std::size_t lights = 162;
-  int pixels = 256;        // of the square picture
-  double motion_px = 6;    // from the key frame to the tracking frame that is farthest from it; median over the subject
+  int pixels = 256;      // of the square picture
+  double motion_px = 6;  // from the key frame to the tracking frame that is farthest from it; median over the subject
+  MotionKind kind = MotionKind::kSway;
   std::uint64_t seed = 1;  // of head, motion and noise
 };
 
@@ -31,8 +38,9 @@ class MovingPass {
   int frame_count() const { return int(options_.lights); }
   int key() const { return frame_count() / 2; }
   static core::Nanoseconds time_of(int frame);
-  const core::Image& coverage() const { return coverage_; }
-  double motion_px() const { return motion_px_; }  // reached
+  const core::Image& coverage() const { return coverage_; }  // the truth, by which errors are judged
+  const core::Image& subject() const { return subject_; }    // as alignment finds it
+  double motion_px() const { return motion_px_; }            // reached
 
   // Rendered once each.
   const core::Image& tracking_frame(int frame) const;  // under all lights
@@ -48,7 +56,7 @@ class MovingPass {
  private:
   MovingPassOptions options_;
   std::unique_ptr<sim::World> world_;
-  core::Image coverage_;
+  core::Image coverage_, subject_;
   double motion_px_ = 0;
   mutable std::map<int, core::Image> tracking_frames_, true_flows_;
 };
@@ -74,6 +82,9 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
 // frames had the subject stood still.
 struct BlendingGain {
   double unaligned_db = 0, aligned_db = 0, still_db = 0;
+  // Of the subject what a frame hides (align/hidden.h), mean over frames, and the root mean square error of its display values: as warped,
+  // and as predicted from the frames of the lights around, which is what is blended.
+  double hidden = 0, hidden_error_as_warped = 0, hidden_error = 0;
 };
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions);
 

@@ -48,6 +48,19 @@ std::vector<AlignKnobs> settings() {
   return all;
 }
 
+// Other subjects' motion, aligned as `align` does it: farther, larger, and of other kinds.
+struct Case {
+  const char* name;
+  int pixels_times;  // of the pass's
+  double motion_times;
+  MotionKind kind;
+};
+constexpr Case kCases[] = {{"sways a third as far", 1, 1.0 / 3, MotionKind::kSway},
+                           {"sways twice as far", 1, 2, MotionKind::kSway},
+                           {"turns on the spot", 1, 1, MotionKind::kTurn},
+                           {"shifts without turning", 1, 1, MotionKind::kShift},
+                           {"sways, in a picture twice as large", 2, 2, MotionKind::kSway}};
+
 std::string frontier_plot(const std::vector<AlignRow>& rows) {
   PlotPanel median{"median", {"seconds of flow for the pass", true}, {"end-point error, pixels", true}, {}};
   PlotPanel p95{"95 %", {"seconds of flow for the pass", true}, {"end-point error, pixels", true}, {}};
@@ -70,6 +83,26 @@ void run(const Options& options, Context& context) {
   const AlignRow& usual = rows.front();
   const BlendingGain gain = blending_gain(pass, motion, options.directions);
   const StillRow still = still_subject(options.pass, usual.knobs);
+
+  std::vector<std::vector<std::string>> case_cells{
+      {"the subject", "pixels", "motion px", "median px", "95 % px", "believed %"}};
+  ordered_json cases = ordered_json::array();
+  for (const Case& other : kCases) {
+    MovingPassOptions changed = options.pass;
+    changed.pixels *= other.pixels_times;
+    changed.motion_px *= other.motion_times;
+    changed.kind = other.kind;
+    const MovingPass moved(changed);
+    const AlignRow row = track_pass(moved, usual.knobs);
+    case_cells.push_back({other.name, std::to_string(changed.pixels), fixed(moved.motion_px(), 1),
+                          fixed(row.median_epe_px, 3), fixed(row.p95_epe_px, 3), fixed(100 * row.believed, 1)});
+    cases.push_back({{"name", other.name},
+                     {"pixels", changed.pixels},
+                     {"motion_px", moved.motion_px()},
+                     {"median_epe_px", row.median_epe_px},
+                     {"p95_epe_px", row.p95_epe_px},
+                     {"believed", row.believed}});
+  }
 
   ordered_json frontier = ordered_json::array();
   std::vector<std::vector<std::string>> cells{
@@ -124,6 +157,10 @@ void run(const Options& options, Context& context) {
                           {"static_median_px", still.median_px},
                           {"static_p95_px", still.p95_px},
                           {"static_flow_p95_px", still.raw_p95_px},
+                          {"hidden", gain.hidden},
+                          {"hidden_error_as_warped", gain.hidden_error_as_warped},
+                          {"hidden_error", gain.hidden_error},
+                          {"cases", cases},
                           {"faces", faces},
                           {"frontier", frontier}};
   std::string text =
@@ -133,7 +170,10 @@ void run(const Options& options, Context& context) {
       " dB as taken, " + fixed(gain.aligned_db, 2) + " dB aligned, " + fixed(gain.still_db, 2) +
       " dB had it stood still (PSNR against the truth between the lights)\n  a subject that stands still: " +
       fixed(still.median_px, 3) + " px median, " + fixed(still.p95_px, 3) + " px 95 % (flow alone " +
-      fixed(still.raw_p95_px, 3) + ")\n\n" + table(cells);
+      fixed(still.raw_p95_px, 3) + ")\n  hidden in a frame: " + fixed(100 * gain.hidden, 2) +
+      " % of the subject; its display values err by " + fixed(gain.hidden_error_as_warped, 3) + " as warped, by " +
+      fixed(gain.hidden_error, 3) + " as predicted from the lights around\n\n" + table(case_cells) + "\n" +
+      table(cells);
   if (!options.faces.empty()) text += "\nRegistered without tracking frames\n" + table(face_cells);
   if (!options.out.empty()) {
     core::write_file_atomically(options.out / "align.json", json.dump(1) + "\n");

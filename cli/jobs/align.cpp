@@ -8,7 +8,9 @@
 
 #include "align/agreement.h"
 #include "align/subject_mask.h"
-#include "capture/sequence.h"
+#include "capture/stage.h"
+#include "cli/jobs/aligned_frames.h"
+#include "cli/jobs/provenance.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -42,6 +44,14 @@ struct TrackingFrame : TimedFrame {
   std::string objection;  // empty: it is used
 };
 
+// About: lamps hang up to degrees from where they are drawn.
+std::vector<core::Direction> drawn_lights(const db::Scan& scan) {
+  std::vector<core::Direction> directions;
+  for (const core::Light& light : capture::nominal_lights(capture_provenance(scan).stage))
+    directions.push_back(light.direction);
+  return directions;
+}
+
 // One camera: adds its images to the product and its figures to the report.
 class CameraAlignment {
  public:
@@ -49,6 +59,7 @@ class CameraAlignment {
       : store_(store), scan_(scan), camera_(camera), options_(options), dark_(db::dark_level(store, scan, camera)) {
     for (const db::Frame& frame : store.frames(scan.id, camera)) {
       const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
+      if (kind == db::StepKind::kTracking) tracked_steps_.insert(frame.step_index);
       if (kind == db::StepKind::kTracking)
         tracking_frames_.push_back({{frame, pose_time(scan, frame)}, {}, 0, {}, {}, {}});
       if (kind == db::StepKind::kLight) light_frames_.push_back({frame, pose_time(scan, frame)});
@@ -72,13 +83,18 @@ class CameraAlignment {
   }
 
  private:
+  // Flow takes about 230 bytes a pixel: of large pictures not as many at a time as there are threads.
+  std::size_t frames_at_a_time() const {
+    constexpr std::size_t kPixelsAtATime = 1 << 25;
+    const std::size_t pixels = std::size_t(size_.height) * std::size_t(size_.width);
+    return std::clamp<std::size_t>(kPixelsAtATime / std::max<std::size_t>(1, pixels), 1,
+                                   std::size_t(core::thread_count()));
+  }
+
   // Calls compute(i) for the frames of a batch on all threads, then store(i) in order through the one store connection.
   template <typename Load, typename Compute, typename Store>
   void in_batches(std::size_t count, const Load& load, const Compute& compute, const Store& store) const {
-    // Flow takes about 230 bytes a pixel: of large pictures not as many at a time as there are threads.
-    constexpr std::size_t kPixelsAtATime = 1 << 25;
-    const std::size_t batch = std::clamp<std::size_t>(kPixelsAtATime / std::max<std::size_t>(1, pixels_), 1,
-                                                      std::size_t(core::thread_count()));
+    const std::size_t batch = frames_at_a_time();
     for (std::size_t begin = 0; begin < count; begin += batch) {
       core::throw_if_interrupted();
       const std::size_t end = std::min(count, begin + batch);
@@ -91,7 +107,7 @@ class CameraAlignment {
   }
 
   void track() {
-    const int key_step = capture::key_step(scan_.steps);
+    const int key_step = cli::key_step(scan_);
     const auto key_frame = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
                                         [&](const TrackingFrame& f) { return f.frame.step_index == key_step; });
     if (key_frame == tracking_frames_.end()) {
@@ -101,9 +117,8 @@ class CameraAlignment {
     }
     key_ = std::size_t(key_frame - tracking_frames_.begin());
     const core::Image key = db::load_frame(store_, key_frame->frame, dark_);
-    const core::Image mask = align::subject_mask(key);
-    longer_side_ = std::max(key.width(), key.height());
-    pixels_ = std::size_t(key.width()) * std::size_t(key.height());
+    mask_ = align::subject_mask(key);
+    size_ = key.size();
     core::Progress progress("optical flow, " + camera_, tracking_frames_.size());
     struct Work {
       core::Image picture;
@@ -120,15 +135,15 @@ class CameraAlignment {
           align::FlowField back = own.flow;
           if (i != key_) {
             own.flow = align::compute_flow(key, own.picture, options_.preset, options_.shrink);
-            if (align::stands_still(own.flow, mask)) {
+            if (align::stands_still(own.flow, mask_)) {
               own.flow = back;
             } else {
               back = align::compute_flow(own.picture, key, options_.preset, options_.shrink);
             }
           }
           own.confidence = align::flow_confidence(own.flow, back);
-          tracking_frames_[i].residual_before = align::residual(key, own.picture, mask);
-          tracking_frames_[i].agreement = align::agreement_of(key, own.picture, own.flow, own.confidence, mask);
+          tracking_frames_[i].residual_before = align::residual(key, own.picture, mask_);
+          tracking_frames_[i].agreement = align::agreement_of(key, own.picture, own.flow, own.confidence, mask_);
         },
         [&](std::size_t i) {
           tracking_frames_[i].flow = store_.put_object(work.at(i).flow);
@@ -143,7 +158,7 @@ class CameraAlignment {
     for (std::size_t i = 0; i < tracking_frames_.size(); ++i) {
       if (i != key_) others.push_back(tracking_frames_[i].agreement);
     }
-    std::vector<std::string> objections = align::objections(others, longer_side_);
+    std::vector<std::string> objections = align::objections(others, std::max(size_.width, size_.height));
     objections.insert(objections.begin() + std::ptrdiff_t(key_), std::string());
     std::vector<double> motions;
     for (std::size_t i = 0; i < tracking_frames_.size(); ++i) {
@@ -181,9 +196,16 @@ class CameraAlignment {
     return before->agreement.residual + part * (after->agreement.residual - before->agreement.residual);
   }
 
-  // Why a frame of that time is not to be used; empty when it is.
-  std::string objection_at(core::Nanoseconds time) const {
-    const auto [before, after] = around(time);
+  // Why a light's frame is not to be used; empty when it is.
+  std::string objection_to(const TimedFrame& light) const {
+    // In the table of steps: a pass that was broken off lacks the tracking frame after its last lights.
+    for (const int direction : {-1, 1}) {
+      int step = light.frame.step_index + direction;
+      while (step >= 0 && step < int(scan_.steps.size()) && kind_of(step) != db::StepKind::kTracking) step += direction;
+      if (step < 0 || step >= int(scan_.steps.size()) || tracked_steps_.contains(step)) continue;
+      return "next to the tracking frame of step " + std::to_string(step) + ", which was not taken";
+    }
+    const auto [before, after] = around(light.time);
     for (const TrackingFrame* frame : {before, after}) {
       if (frame->objection.empty()) continue;
       return "next to the tracking frame of step " + std::to_string(frame->frame.step_index) + ", where the subject " +
@@ -192,14 +214,30 @@ class CameraAlignment {
     return {};
   }
 
-  void require_enough(std::size_t unusable) const {
-    if (2 * unusable <= light_frames_.size()) return;
-    const auto worst = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
-                                    [](const TrackingFrame& f) { return !f.objection.empty(); });
+  db::StepKind kind_of(int step) const { return scan_.steps.at(std::size_t(step)).kind; }
+  int light_of(const TimedFrame& frame) const {
+    return *scan_.steps.at(std::size_t(frame.frame.step_index)).light_index;
+  }
+
+  // Lights of which no frame is to be used.
+  std::set<int> lost_lights() const {
+    std::set<int> lost, usable;
+    for (const TimedFrame& light : light_frames_) (objection_to(light).empty() ? usable : lost).insert(light_of(light));
+    std::erase_if(lost, [&](int light) { return usable.contains(light); });
+    return lost;
+  }
+
+  void require_enough(std::size_t lost) const {
+    std::set<int> lights;
+    std::string why;
+    for (const TimedFrame& light : light_frames_) {
+      lights.insert(light_of(light));
+      if (why.empty()) why = objection_to(light);
+    }
+    if (2 * lost <= lights.size()) return;
     throw core::BadInput(
-        "scan '" + scan_.name + "', camera '" + camera_ + "': " + std::to_string(unusable) + " of " +
-        std::to_string(light_frames_.size()) + " frames cannot be aligned (tracking frame of step " +
-        std::to_string(worst->frame.step_index) + ": the subject " + worst->objection +
+        "scan '" + scan_.name + "', camera '" + camera_ + "': the frames of " + std::to_string(lost) + " of " +
+        std::to_string(lights.size()) + " lights cannot be aligned (" + why +
         "); capture it again, with the head supported, more tracking frames (--tracking-every) or a shorter pass");
   }
 
@@ -213,9 +251,9 @@ class CameraAlignment {
   }
 
   void warp_light_frames(db::NewProduct& product, AlignReport& report) {
-    std::size_t unusable = 0;
-    for (const TimedFrame& light : light_frames_) unusable += !objection_at(light.time).empty();
-    require_enough(unusable);
+    const std::set<int> lost = lost_lights();
+    require_enough(lost.size());
+    report.lost_lights.insert(lost.begin(), lost.end());
     core::Progress progress("warping, " + camera_, light_frames_.size());
     align::MotionTrack motion(options_.between);
     std::size_t next = 0;
@@ -223,7 +261,10 @@ class CameraAlignment {
       core::Image picture, confidence;
       align::FlowField flow;
     };
-    core::Image seen;
+    AlignedFrames aligned(store_, drawn_lights(scan_), mask_);
+    core::Image seen(size_.height, size_.width, 1);
+    std::fill(seen.values().begin(), seen.values().end(), 1.0F);
+    std::map<int, double> values;
     std::map<std::size_t, Work> work;
     in_batches(
         light_frames_.size(),
@@ -244,31 +285,37 @@ class CameraAlignment {
         [&](std::size_t i) {
           const TimedFrame& light = light_frames_[i];
           const int step = light.frame.step_index;
-          const std::string objection = objection_at(light.time);
-          const bool used = objection.empty();
+          const std::string objection = objection_to(light);
           const double value = residual_at(light.time);
-          product.images.push_back({.role = used ? "aligned" : "excluded",
-                                    .index = step,
-                                    .object = store_.put_object(work.at(i).picture),
-                                    .value = value});
-          product.images.push_back({.role = "confidence",
-                                    .index = step,
-                                    .object = store_.put_object(work.at(i).confidence),
-                                    .value = value});
-          if (used) {
+          if (objection.empty()) {
+            aligned.keep(scan_.steps.at(std::size_t(step)), work.at(i).picture, work.at(i).confidence);
+            values[step] = value;
             ++report.aligned;
-            if (seen.empty()) {
-              seen = core::Image(work.at(i).picture.height(), work.at(i).picture.width(), 1);
-              std::fill(seen.values().begin(), seen.values().end(), 1.0F);
+            // Off the subject nothing is predicted.
+            core::Image here = seen;
+            align::clear_outside(here, work.at(i).flow);
+            for (std::size_t p = 0; p < here.values().size(); ++p) {
+              if (mask_.values()[p] <= 0.5F) seen.values()[p] = here.values()[p];
             }
-            align::clear_outside(seen, work.at(i).flow);
           } else {
-            report.excluded.push_back({camera_, step, scan_.steps.at(std::size_t(step)).light_index, objection});
+            add_image(product, "excluded", step, store_.put_object(work.at(i).picture), value);
+            add_image(product, "confidence", step, store_.put_object(work.at(i).confidence), value);
+            report.excluded.push_back({camera_, step, light_of(light), objection});
           }
           work.erase(i);
           progress.advance();
         });
-    if (!seen.empty()) product.images.push_back({.role = "seen", .index = 0, .object = store_.put_object(seen)});
+    for (const AlignedFrames::Stored& frame : aligned.finish(seen, frames_at_a_time())) {
+      add_image(product, "aligned", frame.step_index, frame.picture, values.at(frame.step_index));
+      add_image(product, "confidence", frame.step_index, frame.confidence, values.at(frame.step_index));
+    }
+    add_image(product, "seen", 0, store_.put_object(seen), 0);
+    report.hidden = std::max(report.hidden, aligned.hidden_share());
+  }
+
+  static void add_image(db::NewProduct& product, const char* role, int index, const db::ContentHash& object,
+                        double value) {
+    product.images.push_back({.role = role, .index = index, .object = object, .value = value});
   }
 
   db::Store& store_;
@@ -277,10 +324,11 @@ class CameraAlignment {
   const AlignOptions& options_;
   core::Image dark_;
   std::vector<TrackingFrame> tracking_frames_;  // by time
+  std::set<int> tracked_steps_;                 // that have a frame
   std::vector<TimedFrame> light_frames_;        // by time
   std::size_t key_ = 0;                         // of the tracking frames
-  int longer_side_ = 0;                         // of the pictures
-  std::size_t pixels_ = 0;
+  core::ImageSize size_;                        // of the pictures
+  core::Image mask_;                            // the subject in the key pose
 };
 
 }  // namespace
