@@ -119,6 +119,13 @@ class CameraAlignment {
     const core::Image key = db::load_frame(store_, key_frame->frame, dark_);
     mask_ = align::subject_mask(key);
     size_ = key.size();
+    if (const std::string objection = align::key_objection(key, mask_, key_frame->frame.saturation);
+        !objection.empty()) {
+      throw core::BadInput("scan '" + scan_.name + "', camera '" + camera_ + "': its key frame (step " +
+                           std::to_string(key_step) + ") " + objection +
+                           (dark_.empty() ? "" : " once the dark frames are subtracted") +
+                           ", so nothing can be aligned to it; capture the pass again");
+    }
     core::Progress progress("optical flow, " + camera_, tracking_frames_.size());
     struct Work {
       core::Image picture;

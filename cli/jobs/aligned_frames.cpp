@@ -1,6 +1,7 @@
 #include "cli/jobs/aligned_frames.h"
 
 #include <algorithm>
+#include <optional>
 
 #include <unistd.h>
 
@@ -77,7 +78,8 @@ std::vector<AlignedFrames::Stored> AlignedFrames::finish(core::Image& seen, std:
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     if (!frames_[i].waiting.empty()) waiting.push_back(i);
   }
-  core::Progress progress("what was hidden", waiting.size());
+  std::optional<core::Progress> progress;
+  if (!waiting.empty()) progress.emplace("what was hidden", waiting.size());
   std::vector<db::ContentHash> objects(waiting.size());
   for (std::size_t begin = 0; begin < waiting.size(); begin += at_a_time) {
     core::throw_if_interrupted();
@@ -89,7 +91,7 @@ std::vector<AlignedFrames::Stored> AlignedFrames::finish(core::Image& seen, std:
     for (std::size_t i = 0; i < pictures.size(); ++i) {
       objects[begin + i] = store_.put_object(pictures[i]);
       for (std::size_t p = 0; p < seen.values().size(); ++p) seen.values()[p] *= seen_by[i].values()[p];
-      progress.advance();
+      progress->advance();
     }
   }
   std::vector<Stored> all;

@@ -209,6 +209,43 @@ TEST_CASE_METHOD(Pass, "a subject that moves 40 pixels is refused with advice") 
   CHECK(db::Store::open(store).products("alignment").empty());
 }
 
+TEST_CASE_METHOD(Pass, "tracking frames that show nothing are not taken for a subject that stands still") {
+  std::vector<db::Frame> tracking, dark;
+  {
+    const db::Store opened = db::Store::open(store);
+    tracking = tracking_frames(opened);
+    const db::Scan scan = opened.scan("head");
+    for (const db::Frame& frame : opened.frames(scan.id))
+      if (scan.steps[std::size_t(frame.step_index)].kind == db::StepKind::kDark) dark.push_back(frame);
+  }
+  const auto fill = [](float value) {
+    return [value](core::Image& picture) { std::fill(picture.values().begin(), picture.values().end(), value); };
+  };
+  const auto refused = [&](const std::string& why) {
+    const test::Outcome outcome = run_program(store, {"align", "head"});
+    INFO(outcome.err);
+    CHECK(outcome.status == 3);
+    CHECK(outcome.err.find(why) != std::string::npos);
+    CHECK(db::Store::open(store).products("alignment").empty());
+  };
+  SECTION("all black") {
+    for (const db::Frame& frame : tracking) replace(frame, fill(0));
+    refused("is black");
+  }
+  SECTION("the key frame saturated") {
+    replace(tracking[2], fill(float(tracking[2].saturation)));
+    refused("key frame (step 18)");
+  }
+  SECTION("all others saturated") {
+    for (const std::size_t i : {0, 1, 3, 4}) replace(tracking[i], fill(float(tracking[i].saturation)));
+    refused("cannot be aligned");
+  }
+  SECTION("dark frames brighter than the lit ones") {
+    for (const db::Frame& frame : dark) replace(frame, fill(50));
+    refused("once the dark frames are subtracted");
+  }
+}
+
 TEST_CASE("a set without tracking frames is registered on demand, and says that this is weaker") {
   const test::TemporaryFolder folder;
   const std::filesystem::path store = folder / "store";
