@@ -151,9 +151,7 @@ core::Image MotionTrack::confidence_at(core::Nanoseconds time) const {
       double(elapsed(knots_[after - 1].time, time)) / double(elapsed(knots_[after - 1].time, knots_[after].time));
   for (std::size_t i = 0; i < confidence.values().size(); ++i) {
     float& value = confidence.values()[i];
-    const double after_it = double(later.values()[i]);
-    // Somewhere between them it is hidden: when, nobody knows.
-    value = value > 0 && after_it > 0 ? float((1 - share) * double(value) + share * after_it) : 0;
+    value = float((1 - share) * double(value) + share * double(later.values()[i]));
   }
   return confidence;
 }

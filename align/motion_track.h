@@ -28,7 +28,7 @@ class MotionTrack {
   std::size_t size() const { return knots_.size(); }
   // Throws BadInput when empty.
   FlowField at(core::Nanoseconds time) const;
-  // Linear in time from one tracking frame to the next, but 0 where either of them is. Throws BadInput when empty.
+  // Linear in time from one tracking frame to the next. Throws BadInput when empty.
   core::Image confidence_at(core::Nanoseconds time) const;
 
   // The last time that tracking frames which come later in time cannot change the motion before; nothing when there is none. For streaming.

@@ -63,8 +63,8 @@ void run_align(const Options& options, Context& context) {
                      fixed(report.median_motion_px, 2) + " px median, " + fixed(report.largest_motion_px, 2) +
                      " px at most; tracking frames differed by " + fixed(report.residual_before, 4) + ", now by " +
                      fixed(report.residual_after, 4) + "\n  " + fixed(100 * report.believed, 1) +
-                     " % of the subject is found there and back; " + fixed(100 * report.hidden, 2) +
-                     " % is hidden in a frame, and predicted from the lights around\n";
+                     " % of the subject is found there and back; " + fixed(100 * report.masked, 2) +
+                     " % is hidden in a frame, and masked\n";
   const nlohmann::ordered_json excluded = list_excluded(report.excluded, text);
   if (!report.lost_lights.empty()) {
     text += "  to have the " + std::to_string(report.lost_lights.size()) +
@@ -78,7 +78,7 @@ void run_align(const Options& options, Context& context) {
                         {"residual_before", report.residual_before},
                         {"residual_after", report.residual_after},
                         {"believed", report.believed},
-                        {"hidden", report.hidden},
+                        {"masked", report.masked},
                         {"excluded", excluded},
                         {"lost_lights", report.lost_lights}});
 }

@@ -6,7 +6,7 @@
 #include <optional>
 #include <utility>
 
-#include "align/hidden.h"
+#include "align/agreement.h"
 #include "align/registration.h"
 #include "align/subject_mask.h"
 #include "capture/sequence.h"
@@ -91,25 +91,43 @@ struct SquaredError {
   double root_mean() const { return count == 0 ? 0 : std::sqrt(sum / double(count)); }
 };
 
-// What `align` makes of aligned frames, in which part of the subject is hidden (cli/jobs/aligned_frames.h).
-std::vector<core::Image> without_hidden(const MovingPass& pass, const std::vector<core::Image>& aligned,
-                                        const std::vector<core::Image>& confidences,
-                                        const std::vector<core::Direction>& lights) {
-  std::vector<core::Image> filled = aligned;
-  core::parallel_for(aligned.size(), 1, [&](std::size_t first, std::size_t last) {
-    for (std::size_t i = first; i < last; ++i) {
-      align::HiddenPixels hidden(confidences[i], pass.subject());
-      if (hidden.count() == 0) continue;
-      for (const std::size_t other : core::nearest_indices(lights, lights[i], align::kHiddenNeighbours + 1)) {
-        if (other == i) continue;
-        hidden.add(aligned[i], confidences[i], aligned[other], confidences[other], pass.subject(),
-                   align::hidden_weight(lights[i], lights[other]));
-      }
-      core::Image seen = confidences[i];
-      hidden.fill(filled[i], seen);
+// Both eyes of a head that looks at the camera, by where it begins and ends.
+void close_eyes(core::Image& picture, const core::Image& subject) {
+  constexpr double kAcross = 0.16, kDown = 0.46;             // of the head's width from its middle, of its height
+  constexpr double kHalfWidth = 0.077, kHalfHeight = 0.045;  // of its width
+  constexpr double kRing = 1.5;                              // times as large, for the colour around
+  int left = subject.width(), right = -1, top = subject.height(), bottom = -1;
+  for (int y = 0; y < subject.height(); ++y) {
+    for (int x = 0; x < subject.width(); ++x) {
+      if (subject(y, x) <= 0.5F) continue;
+      left = std::min(left, x);
+      right = std::max(right, x);
+      top = std::min(top, y);
+      bottom = std::max(bottom, y);
     }
-  });
-  return filled;
+  }
+  const double width = right - left + 1;
+  for (const double side : {-1.0, 1.0}) {
+    const double eye_x = 0.5 * (left + right) + side * kAcross * width, eye_y = top + kDown * (bottom - top + 1);
+    const auto distance = [&](int x, int y) {
+      return std::hypot((x - eye_x) / (kHalfWidth * width), (y - eye_y) / (kHalfHeight * width));
+    };
+    for (int c = 0; c < picture.channels(); ++c) {
+      double sum = 0;
+      int count = 0;
+      for (int y = 0; y < picture.height(); ++y) {
+        for (int x = 0; x < picture.width(); ++x) {
+          if (distance(x, y) <= 1 || distance(x, y) > kRing) continue;
+          sum += double(picture(y, x, c));
+          ++count;
+        }
+      }
+      if (count == 0) continue;
+      for (int y = 0; y < picture.height(); ++y)
+        for (int x = 0; x < picture.width(); ++x)
+          if (distance(x, y) <= 1) picture(y, x, c) = float(sum / count);
+    }
+  }
 }
 
 // As bright as each other, so that each counts in the mean, and dark enough to be seen.
@@ -270,6 +288,20 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
   return row;
 }
 
+double masked_share(const MovingPass& pass, const align::MotionTrack& motion) {
+  std::vector<bool> masked(pass.subject().values().size());
+  for (int frame = 0; frame < pass.frame_count(); ++frame) {
+    core::Image confidence = motion.confidence_at(MovingPass::time_of(frame));
+    align::clear_outside(confidence, motion.at(MovingPass::time_of(frame)));
+    for (std::size_t p = 0; p < masked.size(); ++p) {
+      if (pass.subject().values()[p] > 0.5F && confidence.values()[p] <= 0) masked[p] = true;
+    }
+  }
+  std::size_t subject = 0;
+  for (const float inside : pass.subject().values()) subject += inside > 0.5F;
+  return double(std::count(masked.begin(), masked.end(), true)) / double(std::max<std::size_t>(1, subject));
+}
+
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions) {
   std::vector<core::Image> unaligned, aligned, confidences;
   core::Progress progress("light frames", std::size_t(pass.frame_count()));
@@ -288,31 +320,32 @@ BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& mot
   const core::OlatScan still = pass.scan(still_images);
   const double exposure = still.exposure();
   BlendingGain gain;
-  const std::vector<core::Image> filled = without_hidden(pass, aligned, confidences, lights);
-  SquaredError as_warped, predicted;
+  SquaredError where_hidden, where_shown;
+  std::vector<bool> ever_hidden(pass.subject().values().size());
+  std::size_t subject = 0;
+  for (const float inside : pass.subject().values()) subject += inside > 0.5F;
   for (std::size_t i = 0; i < aligned.size(); ++i) {
     const core::Image truth = model::judged(still_images[i], exposure, false);
-    const core::Image before = model::judged(aligned[i], exposure, false);
-    const core::Image after = model::judged(filled[i], exposure, false);
-    std::size_t subject = 0, hidden = 0;
-    for (int y = 0; y < truth.height(); ++y)
-      for (int x = 0; x < truth.width(); ++x) {
-        subject += pass.subject()(y, x) > 0.5F;
-        if (pass.subject()(y, x) <= 0.5F || confidences[i](y, x) > 0) continue;
-        ++hidden;
-        for (int channel = 0; channel < truth.channels(); ++channel) {
-          as_warped.add(truth(y, x, channel), before(y, x, channel));
-          predicted.add(truth(y, x, channel), after(y, x, channel));
-        }
+    const core::Image found = model::judged(aligned[i], exposure, false);
+    const std::size_t channels = std::size_t(truth.channels());
+    for (std::size_t p = 0; p < ever_hidden.size(); ++p) {
+      if (pass.subject().values()[p] <= 0.5F) continue;
+      const bool hidden = confidences[i].values()[p] <= 0;
+      if (hidden) ever_hidden[p] = true;
+      if (hidden) gain.hidden += 1 / double(subject * aligned.size());
+      for (std::size_t k = p * channels; k < (p + 1) * channels; ++k) {
+        (hidden ? where_hidden : where_shown).add(truth.values()[k], found.values()[k]);
       }
-    gain.hidden += double(hidden) / double(std::max<std::size_t>(1, subject)) / double(aligned.size());
+    }
   }
-  gain.hidden_error_as_warped = as_warped.root_mean();
-  gain.hidden_error = predicted.root_mean();
+  gain.masked =
+      double(std::count(ever_hidden.begin(), ever_hidden.end(), true)) / double(std::max<std::size_t>(1, subject));
+  gain.error_hidden = where_hidden.root_mean();
+  gain.error_shown = where_shown.root_mean();
   const std::vector<core::Direction> asked = pass.between_lights(directions);
   const std::vector<core::Image> truth = pass.truth(asked);
   gain.unaligned_db = psnr_of(as_taken, asked, truth, exposure);
-  gain.aligned_db = psnr_of(pass.scan(filled), asked, truth, exposure);
+  gain.aligned_db = psnr_of(pass.scan(std::move(aligned)), asked, truth, exposure);
   gain.still_db = psnr_of(still, asked, truth, exposure);
   return gain;
 }
@@ -369,6 +402,48 @@ FacesRow register_faces(const std::filesystem::path& yale_folder) {
   row.mean_before = mean_of(kept);
   row.mean_after = mean_of(aligned);
   row.sharpness_gain = sharpness(row.mean_after) / sharpness(row.mean_before);
+  return row;
+}
+
+BlinkRow blinks(const MovingPassOptions& options, const AlignKnobs& knobs, std::size_t heads) {
+  constexpr std::size_t kLights = 60;
+  BlinkRow row;
+  core::Progress progress("blinks", heads);
+  for (std::size_t head = 0; head < heads; ++head) {
+    core::throw_if_interrupted();
+    MovingPassOptions changed = options;
+    changed.lights = kLights;
+    changed.seed = options.seed + head;
+    const MovingPass pass(changed);
+    const core::Image& key = pass.tracking_frame(pass.key());
+    std::vector<core::Image> frames;
+    for (const int place : tracking_places(pass, knobs.every))
+      if (place != pass.key()) frames.push_back(pass.tracking_frame(place));
+    const auto agreement = [&](const core::Image& frame) {
+      const align::FlowField there = align::compute_flow(key, frame, knobs.flow, knobs.shrink);
+      const align::FlowField back = align::compute_flow(frame, key, knobs.flow, knobs.shrink);
+      return align::agreement_of(key, frame, there, align::flow_confidence(there, back), pass.subject());
+    };
+    std::vector<align::Agreement> agreements(frames.size());
+    core::parallel_for(frames.size(), 1, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) agreements[i] = agreement(frames[i]);
+    });
+    const auto count_objections = [&](std::size_t blinking, std::size_t& found, std::size_t& accused) {
+      const std::vector<std::string> objections = align::objections(agreements, options.pixels);
+      for (std::size_t i = 0; i < objections.size(); ++i) {
+        (i == blinking ? found : accused) += !objections[i].empty();
+      }
+    };
+    std::size_t none = 0;
+    row.sound_frames += frames.size();
+    count_objections(frames.size(), none, row.false_alarms);
+    const std::size_t blinking = head % frames.size();
+    close_eyes(frames[blinking], pass.subject());
+    agreements[blinking] = agreement(frames[blinking]);
+    ++row.blinks;
+    count_objections(blinking, row.found, row.accused);
+    progress.advance();
+  }
   return row;
 }
 

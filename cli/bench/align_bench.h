@@ -78,13 +78,17 @@ struct AlignRow {
 // Tracks the pass by these knobs. `motion` takes what was found, when it is wanted.
 AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::MotionTrack* motion = nullptr);
 
+// Of the subject what some frame does not show, so that `align` masks it.
+double masked_share(const MovingPass& pass, const align::MotionTrack& motion);
+
 // Linear blending of the pass's frames as taken and after alignment, display values against the truth in the key pose; and of the same
 // frames had the subject stood still.
 struct BlendingGain {
   double unaligned_db = 0, aligned_db = 0, still_db = 0;
-  // Of the subject what a frame hides (align/hidden.h), mean over frames, and the root mean square error of its display values: as warped,
-  // and as predicted from the frames of the lights around, which is what is blended.
-  double hidden = 0, hidden_error_as_warped = 0, hidden_error = 0;
+  // Of the subject: what a frame hides (mean over frames), and what is masked because some frame does.
+  double hidden = 0, masked = 0;
+  // Root mean square error of aligned frames' display values where they hide the subject, and where they show it.
+  double error_hidden = 0, error_shown = 0;
 };
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions);
 
@@ -101,6 +105,15 @@ struct FacesRow {
   core::Image mean_before, mean_after;
 };
 FacesRow register_faces(const std::filesystem::path& yale_folder);
+
+// Which tracking frames are called changed, over passes of several heads: sound ones, and ones in which both eyes are closed in one frame, by an
+// ellipse of the colour around it where heads have their eyes.
+struct BlinkRow {
+  std::size_t sound_frames = 0, false_alarms = 0;
+  std::size_t blinks = 0, found = 0;
+  std::size_t accused = 0;  // sound frames of the passes with a blink that were objected to
+};
+BlinkRow blinks(const MovingPassOptions& options, const AlignKnobs& knobs, std::size_t heads);
 
 // What alignment does to a subject that stands still: length of the flow over the subject, in pixels.
 struct StillRow {

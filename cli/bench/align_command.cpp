@@ -20,6 +20,7 @@ using nlohmann::ordered_json;
 struct Options {
   MovingPassOptions pass;
   std::size_t directions = 40;
+  std::size_t heads = 20;
   std::vector<std::filesystem::path> faces;
   std::filesystem::path out;
 };
@@ -83,6 +84,8 @@ void run(const Options& options, Context& context) {
   const AlignRow& usual = rows.front();
   const BlendingGain gain = blending_gain(pass, motion, options.directions);
   const StillRow still = still_subject(options.pass, usual.knobs);
+
+  const BlinkRow blinking = blinks(options.pass, usual.knobs, options.heads);
 
   std::vector<std::vector<std::string>> case_cells{
       {"the subject", "pixels", "motion px", "median px", "95 % px", "believed %"}};
@@ -158,8 +161,15 @@ void run(const Options& options, Context& context) {
                           {"static_p95_px", still.p95_px},
                           {"static_flow_p95_px", still.raw_p95_px},
                           {"hidden", gain.hidden},
-                          {"hidden_error_as_warped", gain.hidden_error_as_warped},
-                          {"hidden_error", gain.hidden_error},
+                          {"masked", gain.masked},
+                          {"error_hidden", gain.error_hidden},
+                          {"error_shown", gain.error_shown},
+                          {"blinks",
+                           {{"sound_frames", blinking.sound_frames},
+                            {"false_alarms", blinking.false_alarms},
+                            {"blinks", blinking.blinks},
+                            {"found", blinking.found},
+                            {"accused", blinking.accused}}},
                           {"cases", cases},
                           {"faces", faces},
                           {"frontier", frontier}};
@@ -171,9 +181,12 @@ void run(const Options& options, Context& context) {
       " dB had it stood still (PSNR against the truth between the lights)\n  a subject that stands still: " +
       fixed(still.median_px, 3) + " px median, " + fixed(still.p95_px, 3) + " px 95 % (flow alone " +
       fixed(still.raw_p95_px, 3) + ")\n  hidden in a frame: " + fixed(100 * gain.hidden, 2) +
-      " % of the subject; its display values err by " + fixed(gain.hidden_error_as_warped, 3) + " as warped, by " +
-      fixed(gain.hidden_error, 3) + " as predicted from the lights around\n\n" + table(case_cells) + "\n" +
-      table(cells);
+      " % of the subject, in some frame and so masked: " + fixed(100 * gain.masked, 2) + " %; display values err by " +
+      fixed(gain.error_hidden, 3) + " there, by " + fixed(gain.error_shown, 3) +
+      " where they are shown\n  blinks: " + std::to_string(blinking.found) + " of " + std::to_string(blinking.blinks) +
+      " found, " + std::to_string(blinking.accused) + " sound frames accused beside them; " +
+      std::to_string(blinking.false_alarms) + " of " + std::to_string(blinking.sound_frames) +
+      " frames of sound passes accused\n\n" + table(case_cells) + "\n" + table(cells);
   if (!options.faces.empty()) text += "\nRegistered without tracking frames\n" + table(face_cells);
   if (!options.out.empty()) {
     core::write_file_atomically(options.out / "align.json", json.dump(1) + "\n");
@@ -203,6 +216,9 @@ void add_bench_align(CLI::App& bench, Context& context) {
       ->capture_default_str()
       ->check(CLI::Range(0.5, 40.0));
   command->add_option("--seed", options->pass.seed, "Seed of head, motion and noise")->capture_default_str();
+  command->add_option("--heads", options->heads, "Heads among whose tracking frames blinks are looked for")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
   command->add_option("--faces", options->faces,
                       "Also register photographs under different lights: folders of the Extended Yale Face Database B");
   command->add_option("--out", options->out, "Also write the table, and a plot, into this folder");

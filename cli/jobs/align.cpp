@@ -8,8 +8,6 @@
 
 #include "align/agreement.h"
 #include "align/subject_mask.h"
-#include "capture/stage.h"
-#include "cli/jobs/aligned_frames.h"
 #include "cli/jobs/provenance.h"
 #include "cli/options.h"
 #include "core/error.h"
@@ -43,14 +41,6 @@ struct TrackingFrame : TimedFrame {
   db::ContentHash flow, confidence;
   std::string objection;  // empty: it is used
 };
-
-// About: lamps hang up to degrees from where they are drawn.
-std::vector<core::Direction> drawn_lights(const db::Scan& scan) {
-  std::vector<core::Direction> directions;
-  for (const core::Light& light : capture::nominal_lights(capture_provenance(scan).stage))
-    directions.push_back(light.direction);
-  return directions;
-}
 
 // One camera: adds its images to the product and its figures to the report.
 class CameraAlignment {
@@ -268,10 +258,8 @@ class CameraAlignment {
       core::Image picture, confidence;
       align::FlowField flow;
     };
-    AlignedFrames aligned(store_, drawn_lights(scan_), mask_);
     core::Image seen(size_.height, size_.width, 1);
     std::fill(seen.values().begin(), seen.values().end(), 1.0F);
-    std::map<int, double> values;
     std::map<std::size_t, Work> work;
     in_batches(
         light_frames_.size(),
@@ -294,30 +282,41 @@ class CameraAlignment {
           const int step = light.frame.step_index;
           const std::string objection = objection_to(light);
           const double value = residual_at(light.time);
-          if (objection.empty()) {
-            aligned.keep(scan_.steps.at(std::size_t(step)), work.at(i).picture, work.at(i).confidence);
-            values[step] = value;
+          const bool used = objection.empty();
+          add_image(product, used ? "aligned" : "excluded", step, store_.put_object(work.at(i).picture), value);
+          add_image(product, "confidence", step, store_.put_object(work.at(i).confidence), value);
+          if (used) {
             ++report.aligned;
-            // Off the subject nothing is predicted.
-            core::Image here = seen;
-            align::clear_outside(here, work.at(i).flow);
-            for (std::size_t p = 0; p < here.values().size(); ++p) {
-              if (mask_.values()[p] <= 0.5F) seen.values()[p] = here.values()[p];
-            }
+            clear_hidden(seen, work.at(i).confidence, work.at(i).flow);
           } else {
-            add_image(product, "excluded", step, store_.put_object(work.at(i).picture), value);
-            add_image(product, "confidence", step, store_.put_object(work.at(i).confidence), value);
             report.excluded.push_back({camera_, step, light_of(light), objection});
           }
           work.erase(i);
           progress.advance();
         });
-    for (const AlignedFrames::Stored& frame : aligned.finish(seen, frames_at_a_time())) {
-      add_image(product, "aligned", frame.step_index, frame.picture, values.at(frame.step_index));
-      add_image(product, "confidence", frame.step_index, frame.confidence, values.at(frame.step_index));
-    }
     add_image(product, "seen", 0, store_.put_object(seen), 0);
-    report.hidden = std::max(report.hidden, aligned.hidden_share());
+    report.masked = std::max(report.masked, share_cleared(seen));
+  }
+
+  // Sets to 0 what a frame does not show: on the subject where its confidence is 0, elsewhere what lies outside its picture.
+  void clear_hidden(core::Image& seen, const core::Image& confidence, const align::FlowField& flow) const {
+    core::Image inside = seen;
+    align::clear_outside(inside, flow);
+    for (std::size_t p = 0; p < seen.values().size(); ++p) {
+      const bool subject = mask_.values()[p] > 0.5F;
+      if (subject ? confidence.values()[p] <= 0 : inside.values()[p] <= 0) seen.values()[p] = 0;
+    }
+  }
+
+  // Of the subject.
+  double share_cleared(const core::Image& seen) const {
+    std::size_t subject = 0, cleared = 0;
+    for (std::size_t p = 0; p < seen.values().size(); ++p) {
+      if (mask_.values()[p] <= 0.5F) continue;
+      ++subject;
+      cleared += seen.values()[p] <= 0;
+    }
+    return subject == 0 ? 0 : double(cleared) / double(subject);
   }
 
   static void add_image(db::NewProduct& product, const char* role, int index, const db::ContentHash& object,
