@@ -321,25 +321,22 @@ BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& mot
   const double exposure = still.exposure();
   BlendingGain gain;
   SquaredError where_hidden, where_shown;
-  std::vector<bool> ever_hidden(pass.subject().values().size());
   std::size_t subject = 0;
   for (const float inside : pass.subject().values()) subject += inside > 0.5F;
   for (std::size_t i = 0; i < aligned.size(); ++i) {
     const core::Image truth = model::judged(still_images[i], exposure, false);
     const core::Image found = model::judged(aligned[i], exposure, false);
     const std::size_t channels = std::size_t(truth.channels());
-    for (std::size_t p = 0; p < ever_hidden.size(); ++p) {
+    for (std::size_t p = 0; p < pass.subject().values().size(); ++p) {
       if (pass.subject().values()[p] <= 0.5F) continue;
       const bool hidden = confidences[i].values()[p] <= 0;
-      if (hidden) ever_hidden[p] = true;
       if (hidden) gain.hidden += 1 / double(subject * aligned.size());
       for (std::size_t k = p * channels; k < (p + 1) * channels; ++k) {
         (hidden ? where_hidden : where_shown).add(truth.values()[k], found.values()[k]);
       }
     }
   }
-  gain.masked =
-      double(std::count(ever_hidden.begin(), ever_hidden.end(), true)) / double(std::max<std::size_t>(1, subject));
+  gain.masked = masked_share(pass, motion);
   gain.error_hidden = where_hidden.root_mean();
   gain.error_shown = where_shown.root_mean();
   const std::vector<core::Direction> asked = pass.between_lights(directions);

@@ -88,7 +88,7 @@ void run(const Options& options, Context& context) {
   const BlinkRow blinking = blinks(options.pass, usual.knobs, options.heads);
 
   std::vector<std::vector<std::string>> case_cells{
-      {"the subject", "pixels", "motion px", "median px", "95 % px", "believed %"}};
+      {"the subject", "pixels", "motion px", "median px", "95 % px", "believed %", "masked %"}};
   ordered_json cases = ordered_json::array();
   for (const Case& other : kCases) {
     MovingPassOptions changed = options.pass;
@@ -96,15 +96,19 @@ void run(const Options& options, Context& context) {
     changed.motion_px *= other.motion_times;
     changed.kind = other.kind;
     const MovingPass moved(changed);
-    const AlignRow row = track_pass(moved, usual.knobs);
+    align::MotionTrack found;
+    const AlignRow row = track_pass(moved, usual.knobs, &found);
+    const double masked = masked_share(moved, found);
     case_cells.push_back({other.name, std::to_string(changed.pixels), fixed(moved.motion_px(), 1),
-                          fixed(row.median_epe_px, 3), fixed(row.p95_epe_px, 3), fixed(100 * row.believed, 1)});
+                          fixed(row.median_epe_px, 3), fixed(row.p95_epe_px, 3), fixed(100 * row.believed, 1),
+                          fixed(100 * masked, 2)});
     cases.push_back({{"name", other.name},
                      {"pixels", changed.pixels},
                      {"motion_px", moved.motion_px()},
                      {"median_epe_px", row.median_epe_px},
                      {"p95_epe_px", row.p95_epe_px},
-                     {"believed", row.believed}});
+                     {"believed", row.believed},
+                     {"masked", masked}});
   }
 
   ordered_json frontier = ordered_json::array();
