@@ -62,7 +62,7 @@ void run_import(const Format& format, const Options& options, Context& context) 
   nlohmann::ordered_json excluded = nlohmann::ordered_json::array();
   for (const db::CalibratedLight& light : report.excluded) {
     const std::string file = set.pictures.at(std::size_t(light.light_index)).path.filename().string();
-    text += "  " + file + " is left out: " + light.reason + "\n";
+    text += "  left out: " + light.reason + "\n";
     excluded.push_back({{"light", light.light_index}, {"file", file}, {"reason", light.reason}});
   }
   context.result(text, {{"scan", options.name},

@@ -82,13 +82,21 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
   }
   std::vector<LightSource> sources;
   std::map<int, std::size_t> source_of_light;
+  using LightAtExposure = std::pair<int, std::int64_t>;
+  std::set<LightAtExposure> taken, used, left_out;
   for (const Step& step : scan.steps) {
     if (step.kind != StepKind::kLight || !lights.contains(*step.light_index)) continue;
-    if (excluded.contains(step.step_index)) continue;
+    const LightAtExposure shot{*step.light_index, step.exposure_ns};
+    if (excluded.contains(step.step_index)) {
+      taken.insert(shot);
+      left_out.insert(shot);
+      continue;
+    }
     const std::string place = "scan '" + scan.name + "', camera '" + camera + "', step " +
                               std::to_string(step.step_index) + " (light " + std::to_string(*step.light_index) + ")";
     const auto frame = frame_of_step.find(step.step_index);
     if (frame == frame_of_step.end()) {
+      if (taken.contains(shot)) continue;  // it was to be taken again, and was not
       throw core::StoreError(place + ": the frame is missing; take it with `lightstage capture --resume`");
     }
     ContentHash object = frame->second->object;
@@ -98,12 +106,15 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
       }
       object = aligned[step.step_index];
     }
+    taken.insert(shot);
+    used.insert(shot);
     const auto [entry, is_new] = source_of_light.emplace(*step.light_index, sources.size());
     if (is_new) sources.push_back({*step.light_index, lights.at(*step.light_index), {}});
     sources[entry->second].shots.push_back({object, step.exposure_ns, frame->second->saturation});
   }
-  if (!excluded.empty()) {
-    core::warn("scan '" + scan.name + "', camera '" + camera + "': " + std::to_string(excluded.size()) +
+  std::erase_if(left_out, [&](const LightAtExposure& shot) { return used.contains(shot); });
+  if (!left_out.empty()) {
+    core::warn("scan '" + scan.name + "', camera '" + camera + "': " + std::to_string(left_out.size()) +
                " frames could not be aligned and are left out");
   }
   if (sources.empty()) {

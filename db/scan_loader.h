@@ -37,7 +37,7 @@ struct LoadedScan {
 // warned of. Lights that the calibration could not place are left out, and so, with a
 // warning, are frames that the alignment excludes.
 // The mask is the scan's newest "mask" product, less what an alignment moved in from outside the picture. Images are read when they are first used, which needs the
-// store's folder but not this connection. Throws UsageError for an unknown scan or camera, or when neither a calibration nor nominal
+// store's folder but not this connection. A frame is not missed where the same light was shot alike before. Throws UsageError for an unknown scan or camera, or when neither a calibration nor nominal
 // lights exist (saying what to run); StoreError when frames are missing (naming the first, and `capture
 // --resume`), in the store or in the alignment.
 LoadedScan load_scan(const Store& store, std::string_view name, const LoadOptions& options = {});

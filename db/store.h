@@ -146,6 +146,9 @@ class Store {
   // The scan, its cameras and its steps in one transaction. UsageError for a name that is taken or not
   // allowed, BadInput for steps or JSON that make no sense.
   Id add_scan(const NewScan& scan);
+  // Appends steps to a scan, whose provenance, which tells of them, is replaced by the one given; one transaction. What was there stays.
+  // BadInput as add_scan, also for a step_index that the scan has.
+  void extend_scan(Id scan_id, const std::vector<Step>& steps, const std::string& provenance);
   // Throws what add_scan would for this name: to know before long work.
   void require_free_name(const std::string& name) const;
   Scan scan(std::string_view name) const;

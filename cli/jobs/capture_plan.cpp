@@ -153,6 +153,7 @@ CaptureProvenance plan_capture(const CaptureRequest& request) {
   const std::size_t lights = provenance.stage.light_positions.size();
   provenance.sequence = request.sequence_file.empty() ? default_sequence(request, lights)
                                                       : capture::read_sequence(request.sequence_file, lights);
+  provenance.pass_steps = provenance.sequence.steps.size();
   if (request.timing) provenance.sequence.timing = *request.timing;
   if (request.settle_ms) provenance.sequence.settle = core::from_units(*request.settle_ms, core::kMillisecond);
   return provenance;

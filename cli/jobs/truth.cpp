@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "capture/sequence.h"
 #include "cli/jobs/align.h"
 #include "core/display.h"
 #include "core/error.h"
@@ -61,7 +60,7 @@ SimulatedTruth::SimulatedTruth(const db::Store& store, const std::string& scan_n
       flat_(db::flat_field(store, scan_, camera_.name)) {}
 
 core::Nanoseconds SimulatedTruth::key_time(const db::Store& store) const {
-  const int key = capture::key_step(scan_.steps);
+  const int key = key_step(scan_);
   for (const db::Frame& frame : store.frames(scan_.id, camera_.name)) {
     if (frame.step_index == key) return pose_time(scan_, frame);
   }

@@ -129,6 +129,41 @@ TEST_CASE_METHOD(Fixture, "aligned images come first, and are free of ambient li
                     "run `lightstage align` again"));
 }
 
+TEST_CASE_METHOD(Fixture, "a light whose frame was excluded is there again once it was taken again") {
+  put_all();
+  calibrate();
+  const auto align = [&](const std::vector<db::ProductImage>& images) {
+    db::NewProduct product;
+    product.kind = "alignment";
+    product.scan_id = scan_id;
+    product.images = images;
+    store.add_product(product);
+  };
+  const db::ProductImage kept{"aligned", 2, store.put_object(constant(1)), 0},
+      excluded{"excluded", 4, store.put_object(constant(2)), 0}, also{"aligned", 5, store.put_object(constant(3)), 0};
+  align({kept, excluded, also});
+  const std::vector<int> without = db::load_scan(store, "head").light_index;
+  CHECK(std::count(without.begin(), without.end(), 3) == 0);
+
+  db::Scan scan = store.scan("head");
+  db::Step again = scan.steps.at(4);
+  again.step_index = int(scan.steps.size());
+  store.extend_scan(scan_id, {again}, R"({"more": 1})");
+  CHECK(store.scan("head").steps.size() == scan.steps.size() + 1);
+  CHECK(store.scan("head").provenance == R"({"more": 1})");
+  CHECK_THROWS_AS(store.extend_scan(scan_id, {again}, "{}"), core::BadInput);
+  CHECK(store.scan("head").provenance == R"({"more": 1})");
+  // Planned, not taken: as before.
+  CHECK(db::load_scan(store, "head").light_index == without);
+  store.put_frame({.scan_id = scan_id, .camera = "main", .step_index = again.step_index}, constant(5));
+  CHECK_THROWS_AS(db::load_scan(store, "head"), core::StoreError);
+  align({kept, excluded, also, {"aligned", again.step_index, store.put_object(constant(7)), 0}});
+  const db::LoadedScan loaded = db::load_scan(store, "head");
+  const auto at = std::find(loaded.light_index.begin(), loaded.light_index.end(), 3);
+  REQUIRE(at != loaded.light_index.end());
+  CHECK((*loaded.scan.image(std::size_t(at - loaded.light_index.begin())))(0, 0, 0) == 7.0F);
+}
+
 TEST_CASE_METHOD(Fixture, "frames that the alignment excludes are left out") {
   put_all();
   calibrate();
