@@ -334,8 +334,9 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_flag("--sim", request.simulate, "Capture on the simulated stage")->group("Simulated stage");
   const std::vector<CLI::Option*> simulated = add_simulation_options(*command, request);
   std::vector<CLI::Option*> new_ones = simulated;
-  for (const char* name : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
-                           "--mirror-ball", "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every"}) {
+  for (const char* name :
+       {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run", "--mirror-ball",
+        "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
   std::vector<CLI::Option*> not_dry;

@@ -152,7 +152,8 @@ void export_views(const db::Store& store, const std::string& name, const std::fi
       throw core::StoreError("scan '" + name + "', camera '" + camera.name + "': step " + std::to_string(step) +
                              " is missing; run `lightstage capture --resume --name " + name + "`");
     }
-    images.push_back(core::to_rgb(db::load_frame(store, *frame, db::dark_level(store, scan, camera.name))));
+    images.push_back(core::to_rgb(db::load_frame(store, *frame, db::dark_level(store, scan, camera.name),
+                                                 db::flat_field(store, scan, camera.name).image)));
     bright = std::max(bright, core::quantile(images.back().values(), 0.995));
   }
   const float scale = bright > 0 ? float(1 / bright) : 1;
