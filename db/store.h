@@ -80,6 +80,7 @@ struct ProductImage {
   double value = 0;  // a figure of merit, such as the alignment residual
 };
 
+// Kinds besides those named below: "camera_calibration" (lenses and poses of a stage's cameras in `parameters`, for its stage_key).
 struct NewProduct {
   std::string kind;           // "mask", "calibration", "flat_field", "colour", "alignment", "weights", "virtual_stage",
                               // "picture", "normals"
