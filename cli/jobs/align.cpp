@@ -379,6 +379,7 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                            "which registers pictures under different lights and is weaker");
   }
   AlignReport report;
+  std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {
     db::NewProduct product;
     product.kind = "alignment";
@@ -395,8 +396,12 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                                     {"shrink", options.shrink},
                                     {"between", to_string(options.between)},
                                     {"excluded", excluded}});
-    store.add_product(product);
+    products.push_back(std::move(product));
   }
+  // All cameras or none: what ends the program before leaves the scan as it was.
+  store.atomically([&] {
+    for (const db::NewProduct& product : products) store.add_product(product);
+  });
   if (report.tracking_frames > 0) {
     report.residual_before /= double(report.tracking_frames);
     report.residual_after /= double(report.tracking_frames);

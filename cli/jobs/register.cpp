@@ -111,6 +111,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
 
 RegisterReport register_scan(db::Store& store, const db::Scan& scan) {
   RegisterReport report;
+  std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {
     db::NewProduct product;
     product.kind = "alignment";
@@ -123,8 +124,12 @@ RegisterReport register_scan(db::Store& store, const db::Scan& scan) {
       excluded.push_back({{"step", report.excluded[i].step_index}, {"reason", report.excluded[i].reason}});
     }
     product.parameters = json_text({{"camera", camera}, {"registration", "local contrast"}, {"excluded", excluded}});
-    store.add_product(product);
+    products.push_back(std::move(product));
   }
+  // All cameras or none: what ends the program before leaves the scan as it was.
+  store.atomically([&] {
+    for (const db::NewProduct& product : products) store.add_product(product);
+  });
   return report;
 }
 
