@@ -12,7 +12,7 @@ namespace lightstage::align {
 
 namespace {
 
-constexpr double kMostTimesOverall = 3, kLeastOverall = 0.04;
+constexpr double kMostTimesOverall = 3, kLeastOverall = 0.04, kMostOverall = 0.3;
 constexpr double kMostTimesInCell = 4, kLeastInCell = 0.1;
 constexpr double kLeastBelieved = 0.5;
 constexpr std::size_t kFewestToCompare = 3;
@@ -83,6 +83,35 @@ Agreement agreement_of(core::ImageView key, core::ImageView picture, const FlowF
   return agreement;
 }
 
+std::string key_objection(core::ImageView key, core::ImageView mask, double saturation) {
+  constexpr double kLeastOverNoise = 4;
+  constexpr double kLeastContrast = 0.02;  // of display-encoded values, between the 1st and 99th percentile
+  constexpr double kMostSaturated = 0.5;   // of the subject
+  constexpr double kClipping = 0.99;       // of the saturation: noise is left in what clips
+  const core::Image luminance = core::to_luminance(key);
+  // What is left of a black picture once a dark one is subtracted is as often negative as it is positive.
+  if (!(core::quantile(luminance.values(), 0.99) >
+        kLeastOverNoise * std::max(0.0, -core::quantile(luminance.values(), 0.01)))) {
+    return "is black";
+  }
+  const core::Image encoded = encoded_luminance(luminance, white_level(luminance));
+  if (core::quantile(encoded.values(), 0.99) - core::quantile(encoded.values(), 0.01) < kLeastContrast) {
+    return "shows nothing to follow: it is even";
+  }
+  if (!(saturation > 0)) return {};
+  std::size_t subject = 0, clipped = 0;
+  for (int y = 0; y < key.height(); ++y) {
+    for (int x = 0; x < key.width(); ++x) {
+      if (!mask.empty() && mask(y, x) <= 0.5F) continue;
+      ++subject;
+      const float* pixel = key.pixel(y, x);
+      clipped += double(*std::max_element(pixel, pixel + key.channels())) >= kClipping * saturation;
+    }
+  }
+  const double share = subject == 0 ? 0 : double(clipped) / double(subject);
+  return share > kMostSaturated ? "is saturated over " + rounded(100 * share) + " % of the subject" : std::string();
+}
+
 std::vector<std::string> objections(std::span<const Agreement> frames, int longer_side) {
   std::vector<std::string> result(frames.size());
   if (frames.empty()) return result;
@@ -105,6 +134,8 @@ std::vector<std::string> objections(std::span<const Agreement> frames, int longe
           "moved " + rounded(frame.motion_px) + " px, farther than the " + rounded(farthest) + " px that can be undone";
     } else if (frame.believed < kLeastBelieved) {
       result[f] = "cannot be followed: only " + rounded(100 * frame.believed) + " % of the subject is found again";
+    } else if (frame.residual > kMostOverall) {
+      result[f] = "does not resemble the key frame";
     } else if (comparable) {
       std::size_t changed = 0, cells = 0;
       for (std::size_t i = 0; i < usual_in_cell.size(); ++i) {

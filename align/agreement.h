@@ -23,6 +23,10 @@ struct Agreement {
 Agreement agreement_of(core::ImageView key, core::ImageView picture, const FlowField& flow, core::ImageView confidence,
                        core::ImageView mask);
 
+// Why a key frame cannot serve, in words; empty when it can: "is black", "shows nothing to follow: it is even", or "is saturated over ... % of
+// the subject" (more than half; `saturation` is the value at which the sensor clips, 0 where it is not known).
+std::string key_objection(core::ImageView key, core::ImageView mask, double saturation);
+
 // The farthest that motion is undone: this, or a 64th of the longer side where that is more.
 constexpr double kFarthestMotionPx = 32;
 
@@ -31,6 +35,7 @@ constexpr double kFarthestMotionPx = 32;
 // - "cannot be followed": not even half of the subject is found there and back;
 // - "changed in places, ...": cells differ more than 4 times as much as they mostly do, which is how blinks and expressions show;
 // - "does not resemble the key frame": more than a quarter of the cells do, or the whole by more than 3 times without any cell that does.
+// - "does not resemble the key frame" too, however many there are, where it differs by more than 0.3 on the whole.
 // Differences below a just visible one (0.04 overall, 0.1 in a cell) are never held against a frame, nor are frames judged by others when
 // there are fewer than 3. `longer_side` of the pictures in pixels.
 std::vector<std::string> objections(std::span<const Agreement> frames, int longer_side);

@@ -63,9 +63,13 @@ void run_align(const Options& options, Context& context) {
                      fixed(report.median_motion_px, 2) + " px median, " + fixed(report.largest_motion_px, 2) +
                      " px at most; tracking frames differed by " + fixed(report.residual_before, 4) + ", now by " +
                      fixed(report.residual_after, 4) + "\n  " + fixed(100 * report.believed, 1) +
-                     " % of the subject is found there and back\n";
+                     " % of the subject is found there and back; " + fixed(100 * report.masked, 2) +
+                     " % is hidden in a frame, and masked\n";
   const nlohmann::ordered_json excluded = list_excluded(report.excluded, text);
-  if (!report.excluded.empty()) text += "  to have these lights, capture the pass again\n";
+  if (!report.lost_lights.empty()) {
+    text += "  to have the " + std::to_string(report.lost_lights.size()) +
+            " lights that this costs, run `lightstage capture --retake --name " + options.name + "` and align again\n";
+  }
   context.result(text, {{"scan", options.name},
                         {"aligned", report.aligned},
                         {"tracking_frames", report.tracking_frames},
@@ -74,7 +78,9 @@ void run_align(const Options& options, Context& context) {
                         {"residual_before", report.residual_before},
                         {"residual_after", report.residual_after},
                         {"believed", report.believed},
-                        {"excluded", excluded}});
+                        {"masked", report.masked},
+                        {"excluded", excluded},
+                        {"lost_lights", report.lost_lights}});
 }
 
 }  // namespace

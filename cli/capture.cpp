@@ -11,6 +11,7 @@
 #include "cli/format.h"
 #include "cli/jobs/capture_plan.h"
 #include "cli/jobs/mask.h"
+#include "cli/jobs/retake.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/progress.h"
@@ -25,7 +26,8 @@ using nlohmann::ordered_json;
 struct Options {
   std::string name;
   CaptureRequest request;
-  bool resume = false;
+  bool resume = false, retake = false;
+  bool goes_on() const { return resume || retake; }  // with a scan that exists
   bool dry_run = false;
   std::optional<bool> light_check;
   std::filesystem::path preview;
@@ -149,7 +151,8 @@ core::Nanoseconds exposure_of_lights(const capture::Sequence& sequence) {
 
 void capture_scan(const Options& options, Context& context) {
   if (options.name.empty()) {
-    throw core::UsageError(options.resume
+    throw core::UsageError(options.retake ? "--name NAME is needed: of which scan (lightstage store ls)"
+                           : options.resume
                                ? "--name NAME is needed: which interrupted scan to go on with (lightstage store ls)"
                                : "--name NAME is needed: what the scan shall be called");
   }
@@ -160,27 +163,33 @@ void capture_scan(const Options& options, Context& context) {
   }
   db::Store store = context.open_store();
   std::optional<CaptureProvenance> planned;
-  if (!options.resume) planned = plan_capture(options.request);
+  if (!options.goes_on()) planned = plan_capture(options.request);
   if (planned && store.find_scan(options.name)) {
     throw core::UsageError("scan '" + options.name + "' exists; take another --name, or go on with --resume");
   }
   if (!planned) planned = capture_provenance(store.scan(options.name));
+  std::vector<db::Step> again;
+  if (options.retake) {
+    again = retake_steps(store, store.scan(options.name));
+    planned->sequence.steps.insert(planned->sequence.steps.end(), again.begin(), again.end());
+  }
   const CaptureProvenance& provenance = *planned;
   // Opened before the scan is begun: a device that is missing leaves no empty scan behind.
-  Devices devices(provenance, options.resume ? capture::end_of_last_exposure(store, store.scan(options.name))
-                                             : core::Nanoseconds{0});
+  Devices devices(provenance, options.goes_on() ? capture::end_of_last_exposure(store, store.scan(options.name))
+                                                : core::Nanoseconds{0});
   check_rig("scan '" + options.name + "'", provenance.sequence, devices.rig());
   // A mirror shows each light as a spot of its own: its neighbours say nothing of it.
-  const bool mirror = !options.resume && options.request.mirror_ball;
+  const bool mirror = !options.goes_on() && options.request.mirror_ball;
   if (mirror && options.light_check.value_or(false)) {
     throw core::UsageError(
         "--light-check: lights cannot be checked on a mirror ball; check them on the grey ball or the subject");
   }
-  if (options.light_check.value_or(!provenance.simulation && !options.resume && !mirror)) {
+  if (options.light_check.value_or(!provenance.simulation && !options.goes_on() && !mirror)) {
     check_lights(provenance, devices.rig(), exposure_of_lights(provenance.sequence));
   }
+  if (options.retake) store.extend_scan(store.scan(options.name).id, again, to_json(provenance));
   const db::Scan scan =
-      options.resume ? store.scan(options.name) : begin_scan(store, options.name, options.request, provenance);
+      options.goes_on() ? store.scan(options.name) : begin_scan(store, options.name, options.request, provenance);
 
   capture::SessionOptions session;
   if (preview) {
@@ -204,6 +213,11 @@ void capture_scan(const Options& options, Context& context) {
   if (report.already_stored > 0) text += ", " + std::to_string(report.already_stored) + " of them stored before";
   text += "; " + std::to_string(report.dropped) + " dropped, " + std::to_string(report.discarded) + " discarded, " +
           std::to_string(report.retaken) + " retaken\n";
+  const auto taken_again =
+      std::count_if(again.begin(), again.end(), [](const db::Step& step) { return step.kind == db::StepKind::kLight; });
+  if (taken_again > 0) {
+    text += std::to_string(taken_again) + " lights were taken again; now run `lightstage align " + scan.name + "`\n";
+  }
   context.result(text, {{"scan", scan.name},
                         {"timing", to_string(provenance.sequence.timing)},
                         {"steps", report.steps},
@@ -213,6 +227,7 @@ void capture_scan(const Options& options, Context& context) {
                         {"dropped", report.dropped},
                         {"discarded", report.discarded},
                         {"retaken", report.retaken},
+                        {"taken_again", taken_again},
                         {"stage_seconds", double(report.duration) / core::kSecond}});
 }
 
@@ -225,6 +240,11 @@ std::vector<CLI::Option*> add_simulation_options(CLI::App& command, CaptureReque
           ->capture_default_str()
           ->check(number_between(5.0, 500.0)),
       command.add_option("--yaw", request.yaw_degrees, "Turn the subject, degrees")->capture_default_str(),
+      command.add_option("--at", request.at, "Where the subject stands: x,y,z in metres from stage centre")
+          ->delimiter(',')
+          ->expected(3)
+          ->capture_default_str()
+          ->check(number_between(-100.0, 100.0)),
       command.add_option("--size", request.size, "Picture width and height, pixels [the stage file's]")
           ->check(CLI::Range(16, 16384)),
       command.add_flag("--no-noise", request.no_noise, "A sensor without noise and quantisation"),
@@ -254,9 +274,12 @@ void add_capture(CLI::App& program, Context& context) {
       "Examples:\n"
       "  lightstage capture --stage stage.toml --dry-run        (how fast the devices go, in each timing mode)\n"
       "  lightstage capture --stage stage.toml --name head --preview live.png\n"
+      "  lightstage capture --stage stage.toml --name shiny --exposure 5 --exposure 20 --exposure 80\n"
       "  lightstage capture --stage stage.toml --mirror-ball --name ball\n"
       "  lightstage capture --sim --procedural 7 --stage stage.toml --size 256 --name head\n"
-      "  lightstage capture --resume --name head                (after an interruption)");
+      "  lightstage capture --resume --name head                (after an interruption)\n"
+      "  lightstage capture --retake --name head                (lights that `align` left out; align again "
+      "afterwards)");
   auto options = std::make_shared<Options>();
   CaptureRequest& request = options->request;
   command->add_option("--name", options->name, "Name of the scan");
@@ -264,13 +287,24 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_option("--sequence", request.sequence_file, "Sequence file; default: every light once");
   command->add_flag("--mirror-ball", request.mirror_ball, "On the stage stands a mirror ball, for `calibrate`");
   command->add_flag("--grey-ball", request.grey_ball, "On the stage stands a grey ball, for `calibrate --grey`");
-  command->add_flag("--chessboard", request.chessboard, "On the stage stands a chessboard");
+  command->add_flag("--chessboard", request.chessboard,
+                    "A chessboard is moved about on the stage, for `calibrate cameras`");
+  command
+      ->add_option("--views", request.board_views,
+                   "Frames of the chessboard, all lights on; --settle (2 s here) is the time to move it")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  command->add_flag("--white-card", request.white_card,
+                    "On the stage stands a white card that fills the pictures, for `calibrate flat --scan`");
   command->add_option("--tracking-every", request.tracking_every, "A tracking frame before every n-th light; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0, 100000));
   command
       ->add_option("--exposure", request.exposure_ms,
-                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]")
+                   "Exposure of the single lights, milliseconds [20; white card 10; mirror ball 0.01, real stages "
+                   "0.1]; given several times "
+                   "every light is taken with each, and they are merged when the scan is loaded (high dynamic range)")
+      ->take_all()
       ->check(number_between(0.0001, 10000.0));
   std::map<std::string, capture::Timing> timings;
   for (const capture::Timing timing : capture::kTimings) timings.emplace(to_string(timing), timing);
@@ -293,11 +327,16 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_flag("--tev{127.0.0.1:14158}", options->tev,
                     "Show previews in the tev viewer that listens here, or at --tev=HOST:PORT");
   command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name, as it was begun");
+  CLI::Option* retake =
+      command->add_flag("--retake", options->retake,
+                        "Take the lights of that scan again that `align` left out, with tracking frames of their own");
+  retake->excludes(command->get_option("--resume"));
   command->add_flag("--sim", request.simulate, "Capture on the simulated stage")->group("Simulated stage");
   const std::vector<CLI::Option*> simulated = add_simulation_options(*command, request);
   std::vector<CLI::Option*> new_ones = simulated;
-  for (const char* name : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
-                           "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
+  for (const char* name :
+       {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run", "--mirror-ball",
+        "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
   std::vector<CLI::Option*> not_dry;
@@ -305,7 +344,10 @@ void add_capture(CLI::App& program, Context& context) {
     not_dry.push_back(command->get_option(name));
   }
   command->callback([options, &context, simulated, new_ones, not_dry] {
-    if (options->resume) refuse_any(new_ones, "--resume goes on with a scan as it was begun; leave this out");
+    if (options->goes_on()) {
+      refuse_any(new_ones, std::string(options->resume ? "--resume" : "--retake") +
+                               " goes on with a scan as it was begun; leave this out");
+    }
     if (!options->request.simulate) refuse_any(simulated, "is for simulated stages; add --sim, or leave it out");
     if (options->dry_run) {
       refuse_any(not_dry, "has no effect with --dry-run; leave it out");

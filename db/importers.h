@@ -26,6 +26,8 @@ struct PictureSet {
   std::vector<PictureEntry> pictures;
   std::optional<std::filesystem::path> mask;     // white inside
   std::optional<std::filesystem::path> ambient;  // taken with all stage lights off
+  // Applied on loading, after the lights' strength: a row a channel of what comes out. Kept as a product of kind "colour".
+  std::optional<std::array<std::array<double, 3>, 3>> colour;
   core::Encoding encoding = core::Encoding::kAuto;
 };
 
@@ -53,16 +55,16 @@ struct ImportReport {
   Id scan_id = 0;
   std::size_t pictures = 0;
   core::ImageSize size;
-  // Lights whose picture is predicted far worse by their neighbours than the set's others are: torn by
-  // interlacing, nearly black, mislabelled. They are kept in the store, but marked as not placed in the
-  // calibration so that nothing uses them, each with its reason. Sets of fewer than 16 pictures are not
-  // judged.
+  // Lights whose picture is not to be used, each with its reason, marked as not placed in the calibration so that nothing uses them:
+  // - files that gave no picture (truncated, not finite), up to one in ten; they are no part of the scan;
+  // - pictures kept in the store that are black, torn by interlacing, mislabelled, or swapped with another: predicted far worse by their
+  //   neighbours than the set's others are (db/check/damaged.h, swapped.h). Sets of fewer than 16 pictures are judged for black ones alone.
   std::vector<CalibratedLight> excluded;
 };
 
-// Reads every picture, checks it (one size, finite) and stores the set as a scan of kind kImported with a
+// Reads every picture, checks it and stores the set as a scan of kind kImported with a
 // calibration from the given directions, in such a way that a failure leaves the store as it was. `encoding`
-// overrides the set's.
+// overrides the set's. BadInput when pictures differ in size, or more than one in ten gives no picture (naming the first).
 ImportReport import_pictures(Store& store, const PictureSet& set, const std::string& name,
                              std::optional<core::Encoding> encoding = std::nullopt);
 

@@ -6,7 +6,9 @@
 #include <optional>
 #include <utility>
 
+#include "align/agreement.h"
 #include "align/registration.h"
+#include "align/subject_mask.h"
 #include "capture/sequence.h"
 #include "capture/stage.h"
 #include "core/image_file.h"
@@ -40,8 +42,8 @@ sim::Simulation simulation_of(const MovingPassOptions& options, double times) {
   simulation.subject.seed = options.seed;
   simulation.seed = options.seed;
   simulation.sensor.vignetting = 0;  // the truth is the lens's alone
-  simulation.motion.amplitude_m *= times;
-  simulation.motion.rotation_degrees *= times;
+  simulation.motion.amplitude_m *= options.kind == MotionKind::kTurn ? 0 : times;
+  simulation.motion.rotation_degrees *= options.kind == MotionKind::kShift ? 0 : times;
   return simulation;
 }
 
@@ -77,6 +79,55 @@ double psnr_of(const core::OlatScan& scan, const std::vector<core::Direction>& d
                                      model::judged(truth[i], exposure, false), scan.mask());
   }
   return -10 * std::log10(sum / double(directions.size()));
+}
+
+struct SquaredError {
+  double sum = 0;
+  std::size_t count = 0;
+  void add(float a, float b) {
+    sum += double(a - b) * double(a - b);
+    ++count;
+  }
+  double root_mean() const { return count == 0 ? 0 : std::sqrt(sum / double(count)); }
+};
+
+// Both eyes of a head that looks at the camera, by where it begins and ends.
+void close_eyes(core::Image& picture, const core::Image& subject) {
+  constexpr double kAcross = 0.16, kDown = 0.46;             // of the head's width from its middle, of its height
+  constexpr double kHalfWidth = 0.077, kHalfHeight = 0.045;  // of its width
+  constexpr double kRing = 1.5;                              // times as large, for the colour around
+  int left = subject.width(), right = -1, top = subject.height(), bottom = -1;
+  for (int y = 0; y < subject.height(); ++y) {
+    for (int x = 0; x < subject.width(); ++x) {
+      if (subject(y, x) <= 0.5F) continue;
+      left = std::min(left, x);
+      right = std::max(right, x);
+      top = std::min(top, y);
+      bottom = std::max(bottom, y);
+    }
+  }
+  const double width = right - left + 1;
+  for (const double side : {-1.0, 1.0}) {
+    const double eye_x = 0.5 * (left + right) + side * kAcross * width, eye_y = top + kDown * (bottom - top + 1);
+    const auto distance = [&](int x, int y) {
+      return std::hypot((x - eye_x) / (kHalfWidth * width), (y - eye_y) / (kHalfHeight * width));
+    };
+    for (int c = 0; c < picture.channels(); ++c) {
+      double sum = 0;
+      int count = 0;
+      for (int y = 0; y < picture.height(); ++y) {
+        for (int x = 0; x < picture.width(); ++x) {
+          if (distance(x, y) <= 1 || distance(x, y) > kRing) continue;
+          sum += double(picture(y, x, c));
+          ++count;
+        }
+      }
+      if (count == 0) continue;
+      for (int y = 0; y < picture.height(); ++y)
+        for (int x = 0; x < picture.width(); ++x)
+          if (distance(x, y) <= 1) picture(y, x, c) = float(sum / count);
+    }
+  }
 }
 
 // As bright as each other, so that each counts in the mean, and dark enough to be seen.
@@ -118,11 +169,13 @@ MovingPass::MovingPass(const MovingPassOptions& options) : options_(options) {
   const auto move = [&](double times) {
     world_ = std::make_unique<sim::World>(simulation_of(options_, times));
     true_flows_.clear();
+    tracking_frames_.clear();
     coverage_ = world_->coverage(camera_of(*world_).model, time_of(key()));
     motion_px_ = farthest();
   };
   move(options.motion_px > 0 ? 1 : 0);
   if (options.motion_px > 0) move(options.motion_px / motion_px_);
+  subject_ = align::subject_mask(tracking_frame(key()));
 }
 
 core::Nanoseconds MovingPass::time_of(int frame) {
@@ -194,7 +247,7 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
     for (std::size_t i = first; i < last; ++i) {
       if (places[i] == pass.key()) continue;
       flows[i] = align::compute_flow(key, *frames[i], knobs.flow, knobs.shrink);
-      if (align::stands_still(flows[i], pass.coverage())) {
+      if (align::stands_still(flows[i], pass.subject())) {
         flows[i] = align::FlowField(key.height(), key.width(), 2);
         continue;
       }
@@ -215,7 +268,9 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
   row.believed = subject == 0 ? 1 : double(believed) / double(subject);
 
   align::MotionTrack track(knobs.between);
-  for (std::size_t i = 0; i < places.size(); ++i) track.add(MovingPass::time_of(places[i]), std::move(flows[i]));
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    track.add(MovingPass::time_of(places[i]), std::move(flows[i]), std::move(confidences[i]));
+  }
   std::vector<float> errors;
   constexpr int kEveryJudged = 3;
   for (int frame = 1; frame < pass.frame_count(); frame += kEveryJudged) {
@@ -233,25 +288,63 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
   return row;
 }
 
+double masked_share(const MovingPass& pass, const align::MotionTrack& motion) {
+  std::vector<bool> masked(pass.subject().values().size());
+  for (int frame = 0; frame < pass.frame_count(); ++frame) {
+    core::Image confidence = motion.confidence_at(MovingPass::time_of(frame));
+    align::clear_outside(confidence, motion.at(MovingPass::time_of(frame)));
+    for (std::size_t p = 0; p < masked.size(); ++p) {
+      if (pass.subject().values()[p] > 0.5F && confidence.values()[p] <= 0) masked[p] = true;
+    }
+  }
+  std::size_t subject = 0;
+  for (const float inside : pass.subject().values()) subject += inside > 0.5F;
+  return double(std::count(masked.begin(), masked.end(), true)) / double(std::max<std::size_t>(1, subject));
+}
+
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions) {
-  std::vector<core::Image> unaligned, aligned;
+  std::vector<core::Image> unaligned, aligned, confidences;
   core::Progress progress("light frames", std::size_t(pass.frame_count()));
   for (int frame = 0; frame < pass.frame_count(); ++frame) {
     core::throw_if_interrupted();
+    const align::FlowField flow = motion.at(MovingPass::time_of(frame));
     unaligned.push_back(pass.light_frame(frame));
-    aligned.push_back(align::warp(unaligned.back(), motion.at(MovingPass::time_of(frame))));
+    aligned.push_back(align::warp(unaligned.back(), flow));
+    confidences.push_back(motion.confidence_at(MovingPass::time_of(frame)));
+    align::clear_outside(confidences.back(), flow);
     progress.advance();
   }
   const core::OlatScan as_taken = pass.scan(std::move(unaligned));
-  std::vector<core::Direction> lights;
-  for (std::size_t i = 0; i < as_taken.light_count(); ++i) lights.push_back(as_taken.light(i).direction);
-  const core::OlatScan still = pass.scan(pass.truth(lights));
+  const std::vector<core::Direction>& lights = as_taken.directions();
+  const std::vector<core::Image> still_images = pass.truth(lights);
+  const core::OlatScan still = pass.scan(still_images);
+  const double exposure = still.exposure();
+  BlendingGain gain;
+  SquaredError where_hidden, where_shown;
+  std::size_t subject = 0;
+  for (const float inside : pass.subject().values()) subject += inside > 0.5F;
+  for (std::size_t i = 0; i < aligned.size(); ++i) {
+    const core::Image truth = model::judged(still_images[i], exposure, false);
+    const core::Image found = model::judged(aligned[i], exposure, false);
+    const std::size_t channels = std::size_t(truth.channels());
+    for (std::size_t p = 0; p < pass.subject().values().size(); ++p) {
+      if (pass.subject().values()[p] <= 0.5F) continue;
+      const bool hidden = confidences[i].values()[p] <= 0;
+      if (hidden) gain.hidden += 1 / double(subject * aligned.size());
+      for (std::size_t k = p * channels; k < (p + 1) * channels; ++k) {
+        (hidden ? where_hidden : where_shown).add(truth.values()[k], found.values()[k]);
+      }
+    }
+  }
+  gain.masked = masked_share(pass, motion);
+  gain.error_hidden = where_hidden.root_mean();
+  gain.error_shown = where_shown.root_mean();
   const std::vector<core::Direction> asked = pass.between_lights(directions);
   const std::vector<core::Image> truth = pass.truth(asked);
-  const double exposure = still.exposure();
-  return {.unaligned_db = psnr_of(as_taken, asked, truth, exposure),
-          .aligned_db = psnr_of(pass.scan(std::move(aligned)), asked, truth, exposure),
-          .still_db = psnr_of(still, asked, truth, exposure)};
+  gain.unaligned_db = psnr_of(as_taken, asked, truth, exposure);
+  gain.aligned_db = psnr_of(pass.scan(std::move(aligned)), asked, truth, exposure);
+  gain.still_db = psnr_of(still, asked, truth, exposure);
+  return gain;
 }
 
 FacesRow register_faces(const std::filesystem::path& yale_folder) {
@@ -309,6 +402,48 @@ FacesRow register_faces(const std::filesystem::path& yale_folder) {
   return row;
 }
 
+BlinkRow blinks(const MovingPassOptions& options, const AlignKnobs& knobs, std::size_t heads) {
+  constexpr std::size_t kLights = 60;
+  BlinkRow row;
+  core::Progress progress("blinks", heads);
+  for (std::size_t head = 0; head < heads; ++head) {
+    core::throw_if_interrupted();
+    MovingPassOptions changed = options;
+    changed.lights = kLights;
+    changed.seed = options.seed + head;
+    const MovingPass pass(changed);
+    const core::Image& key = pass.tracking_frame(pass.key());
+    std::vector<core::Image> frames;
+    for (const int place : tracking_places(pass, knobs.every))
+      if (place != pass.key()) frames.push_back(pass.tracking_frame(place));
+    const auto agreement = [&](const core::Image& frame) {
+      const align::FlowField there = align::compute_flow(key, frame, knobs.flow, knobs.shrink);
+      const align::FlowField back = align::compute_flow(frame, key, knobs.flow, knobs.shrink);
+      return align::agreement_of(key, frame, there, align::flow_confidence(there, back), pass.subject());
+    };
+    std::vector<align::Agreement> agreements(frames.size());
+    core::parallel_for(frames.size(), 1, [&](std::size_t first, std::size_t last) {
+      for (std::size_t i = first; i < last; ++i) agreements[i] = agreement(frames[i]);
+    });
+    const auto count_objections = [&](std::size_t blinking, std::size_t& found, std::size_t& accused) {
+      const std::vector<std::string> objections = align::objections(agreements, options.pixels);
+      for (std::size_t i = 0; i < objections.size(); ++i) {
+        (i == blinking ? found : accused) += !objections[i].empty();
+      }
+    };
+    std::size_t none = 0;
+    row.sound_frames += frames.size();
+    count_objections(frames.size(), none, row.false_alarms);
+    const std::size_t blinking = head % frames.size();
+    close_eyes(frames[blinking], pass.subject());
+    agreements[blinking] = agreement(frames[blinking]);
+    ++row.blinks;
+    count_objections(blinking, row.found, row.accused);
+    progress.advance();
+  }
+  return row;
+}
+
 StillRow still_subject(const MovingPassOptions& options, const AlignKnobs& knobs) {
   MovingPassOptions still = options;
   still.motion_px = 0;
@@ -320,7 +455,7 @@ StillRow still_subject(const MovingPassOptions& options, const AlignKnobs& knobs
     for (int y = 0; y < flow.height(); ++y)
       for (int x = 0; x < flow.width(); ++x)
         if (pass.coverage()(y, x) > 0.5F) raw.push_back(std::hypot(flow(y, x, 0), flow(y, x, 1)));
-    if (align::stands_still(flow, pass.coverage())) flow = align::FlowField(flow.height(), flow.width(), 2);
+    if (align::stands_still(flow, pass.subject())) flow = align::FlowField(flow.height(), flow.width(), 2);
     for (int y = 0; y < flow.height(); ++y)
       for (int x = 0; x < flow.width(); ++x)
         if (pass.coverage()(y, x) > 0.5F) lengths.push_back(std::hypot(flow(y, x, 0), flow(y, x, 1)));

@@ -16,10 +16,17 @@
 
 namespace lightstage::cli {
 
+enum class MotionKind {
+  kSway,   // to and fro, up and down, while turning a little
+  kTurn,   // on the spot: what is near moves more than what is far, and is hidden by it
+  kShift,  // without turning
+};
+
 struct MovingPassOptions {
   std::size_t lights = 162;
-  int pixels = 256;        // of the square picture
-  double motion_px = 6;    // from the key frame to the tracking frame that is farthest from it; median over the subject
+  int pixels = 256;      // of the square picture
+  double motion_px = 6;  // from the key frame to the tracking frame that is farthest from it; median over the subject
+  MotionKind kind = MotionKind::kSway;
   std::uint64_t seed = 1;  // of head, motion and noise
 };
 
@@ -31,8 +38,9 @@ class MovingPass {
   int frame_count() const { return int(options_.lights); }
   int key() const { return frame_count() / 2; }
   static core::Nanoseconds time_of(int frame);
-  const core::Image& coverage() const { return coverage_; }
-  double motion_px() const { return motion_px_; }  // reached
+  const core::Image& coverage() const { return coverage_; }  // the truth, by which errors are judged
+  const core::Image& subject() const { return subject_; }    // as alignment finds it
+  double motion_px() const { return motion_px_; }            // reached
 
   // Rendered once each.
   const core::Image& tracking_frame(int frame) const;  // under all lights
@@ -48,7 +56,7 @@ class MovingPass {
  private:
   MovingPassOptions options_;
   std::unique_ptr<sim::World> world_;
-  core::Image coverage_;
+  core::Image coverage_, subject_;
   double motion_px_ = 0;
   mutable std::map<int, core::Image> tracking_frames_, true_flows_;
 };
@@ -70,10 +78,17 @@ struct AlignRow {
 // Tracks the pass by these knobs. `motion` takes what was found, when it is wanted.
 AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::MotionTrack* motion = nullptr);
 
+// Of the subject what some frame does not show, so that `align` masks it.
+double masked_share(const MovingPass& pass, const align::MotionTrack& motion);
+
 // Linear blending of the pass's frames as taken and after alignment, display values against the truth in the key pose; and of the same
 // frames had the subject stood still.
 struct BlendingGain {
   double unaligned_db = 0, aligned_db = 0, still_db = 0;
+  // Of the subject: what a frame hides (mean over frames), and what is masked because some frame does.
+  double hidden = 0, masked = 0;
+  // Root mean square error of aligned frames' display values where they hide the subject, and where they show it.
+  double error_hidden = 0, error_shown = 0;
 };
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions);
 
@@ -90,6 +105,15 @@ struct FacesRow {
   core::Image mean_before, mean_after;
 };
 FacesRow register_faces(const std::filesystem::path& yale_folder);
+
+// Which tracking frames are called changed, over passes of several heads: sound ones, and ones in which both eyes are closed in one frame, by an
+// ellipse of the colour around it where heads have their eyes.
+struct BlinkRow {
+  std::size_t sound_frames = 0, false_alarms = 0;
+  std::size_t blinks = 0, found = 0;
+  std::size_t accused = 0;  // sound frames of the passes with a blink that were objected to
+};
+BlinkRow blinks(const MovingPassOptions& options, const AlignKnobs& knobs, std::size_t heads);
 
 // What alignment does to a subject that stands still: length of the flow over the subject, in pixels.
 struct StillRow {

@@ -20,6 +20,7 @@ using nlohmann::ordered_json;
 struct Options {
   MovingPassOptions pass;
   std::size_t directions = 40;
+  std::size_t heads = 20;
   std::vector<std::filesystem::path> faces;
   std::filesystem::path out;
 };
@@ -48,6 +49,19 @@ std::vector<AlignKnobs> settings() {
   return all;
 }
 
+// Other subjects' motion, aligned as `align` does it: farther, larger, and of other kinds.
+struct Case {
+  const char* name;
+  int pixels_times;  // of the pass's
+  double motion_times;
+  MotionKind kind;
+};
+constexpr Case kCases[] = {{"sways a third as far", 1, 1.0 / 3, MotionKind::kSway},
+                           {"sways twice as far", 1, 2, MotionKind::kSway},
+                           {"turns on the spot", 1, 1, MotionKind::kTurn},
+                           {"shifts without turning", 1, 1, MotionKind::kShift},
+                           {"sways, in a picture twice as large", 2, 2, MotionKind::kSway}};
+
 std::string frontier_plot(const std::vector<AlignRow>& rows) {
   PlotPanel median{"median", {"seconds of flow for the pass", true}, {"end-point error, pixels", true}, {}};
   PlotPanel p95{"95 %", {"seconds of flow for the pass", true}, {"end-point error, pixels", true}, {}};
@@ -70,6 +84,32 @@ void run(const Options& options, Context& context) {
   const AlignRow& usual = rows.front();
   const BlendingGain gain = blending_gain(pass, motion, options.directions);
   const StillRow still = still_subject(options.pass, usual.knobs);
+
+  const BlinkRow blinking = blinks(options.pass, usual.knobs, options.heads);
+
+  std::vector<std::vector<std::string>> case_cells{
+      {"the subject", "pixels", "motion px", "median px", "95 % px", "believed %", "masked %"}};
+  ordered_json cases = ordered_json::array();
+  for (const Case& other : kCases) {
+    MovingPassOptions changed = options.pass;
+    changed.pixels *= other.pixels_times;
+    changed.motion_px *= other.motion_times;
+    changed.kind = other.kind;
+    const MovingPass moved(changed);
+    align::MotionTrack found;
+    const AlignRow row = track_pass(moved, usual.knobs, &found);
+    const double masked = masked_share(moved, found);
+    case_cells.push_back({other.name, std::to_string(changed.pixels), fixed(moved.motion_px(), 1),
+                          fixed(row.median_epe_px, 3), fixed(row.p95_epe_px, 3), fixed(100 * row.believed, 1),
+                          fixed(100 * masked, 2)});
+    cases.push_back({{"name", other.name},
+                     {"pixels", changed.pixels},
+                     {"motion_px", moved.motion_px()},
+                     {"median_epe_px", row.median_epe_px},
+                     {"p95_epe_px", row.p95_epe_px},
+                     {"believed", row.believed},
+                     {"masked", masked}});
+  }
 
   ordered_json frontier = ordered_json::array();
   std::vector<std::vector<std::string>> cells{
@@ -124,6 +164,17 @@ void run(const Options& options, Context& context) {
                           {"static_median_px", still.median_px},
                           {"static_p95_px", still.p95_px},
                           {"static_flow_p95_px", still.raw_p95_px},
+                          {"hidden", gain.hidden},
+                          {"masked", gain.masked},
+                          {"error_hidden", gain.error_hidden},
+                          {"error_shown", gain.error_shown},
+                          {"blinks",
+                           {{"sound_frames", blinking.sound_frames},
+                            {"false_alarms", blinking.false_alarms},
+                            {"blinks", blinking.blinks},
+                            {"found", blinking.found},
+                            {"accused", blinking.accused}}},
+                          {"cases", cases},
                           {"faces", faces},
                           {"frontier", frontier}};
   std::string text =
@@ -133,7 +184,13 @@ void run(const Options& options, Context& context) {
       " dB as taken, " + fixed(gain.aligned_db, 2) + " dB aligned, " + fixed(gain.still_db, 2) +
       " dB had it stood still (PSNR against the truth between the lights)\n  a subject that stands still: " +
       fixed(still.median_px, 3) + " px median, " + fixed(still.p95_px, 3) + " px 95 % (flow alone " +
-      fixed(still.raw_p95_px, 3) + ")\n\n" + table(cells);
+      fixed(still.raw_p95_px, 3) + ")\n  hidden in a frame: " + fixed(100 * gain.hidden, 2) +
+      " % of the subject, in some frame and so masked: " + fixed(100 * gain.masked, 2) + " %; display values err by " +
+      fixed(gain.error_hidden, 3) + " there, by " + fixed(gain.error_shown, 3) +
+      " where they are shown\n  blinks: " + std::to_string(blinking.found) + " of " + std::to_string(blinking.blinks) +
+      " found, " + std::to_string(blinking.accused) + " sound frames accused beside them; " +
+      std::to_string(blinking.false_alarms) + " of " + std::to_string(blinking.sound_frames) +
+      " frames of sound passes accused\n\n" + table(case_cells) + "\n" + table(cells);
   if (!options.faces.empty()) text += "\nRegistered without tracking frames\n" + table(face_cells);
   if (!options.out.empty()) {
     core::write_file_atomically(options.out / "align.json", json.dump(1) + "\n");
@@ -163,6 +220,9 @@ void add_bench_align(CLI::App& bench, Context& context) {
       ->capture_default_str()
       ->check(CLI::Range(0.5, 40.0));
   command->add_option("--seed", options->pass.seed, "Seed of head, motion and noise")->capture_default_str();
+  command->add_option("--heads", options->heads, "Heads among whose tracking frames blinks are looked for")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
   command->add_option("--faces", options->faces,
                       "Also register photographs under different lights: folders of the Extended Yale Face Database B");
   command->add_option("--out", options->out, "Also write the table, and a plot, into this folder");

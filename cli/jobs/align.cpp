@@ -8,7 +8,7 @@
 
 #include "align/agreement.h"
 #include "align/subject_mask.h"
-#include "capture/sequence.h"
+#include "cli/jobs/provenance.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -46,9 +46,15 @@ struct TrackingFrame : TimedFrame {
 class CameraAlignment {
  public:
   CameraAlignment(db::Store& store, const db::Scan& scan, const std::string& camera, const AlignOptions& options)
-      : store_(store), scan_(scan), camera_(camera), options_(options), dark_(db::dark_level(store, scan, camera)) {
+      : store_(store),
+        scan_(scan),
+        camera_(camera),
+        options_(options),
+        dark_(db::dark_level(store, scan, camera)),
+        flat_(db::flat_field(store, scan, camera)) {
     for (const db::Frame& frame : store.frames(scan.id, camera)) {
       const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
+      if (kind == db::StepKind::kTracking) tracked_steps_.insert(frame.step_index);
       if (kind == db::StepKind::kTracking)
         tracking_frames_.push_back({{frame, pose_time(scan, frame)}, {}, 0, {}, {}, {}});
       if (kind == db::StepKind::kLight) light_frames_.push_back({frame, pose_time(scan, frame)});
@@ -59,6 +65,7 @@ class CameraAlignment {
   }
 
   void run(db::NewProduct& product, AlignReport& report) {
+    if (flat_.id) product.input_products.push_back(*flat_.id);  // loading knows by it what the images were divided by
     track();
     judge(report);
     for (const TrackingFrame& tracked : tracking_frames_) {
@@ -72,13 +79,18 @@ class CameraAlignment {
   }
 
  private:
+  // Flow takes about 230 bytes a pixel: of large pictures not as many at a time as there are threads.
+  std::size_t frames_at_a_time() const {
+    constexpr std::size_t kPixelsAtATime = 1 << 25;
+    const std::size_t pixels = std::size_t(size_.height) * std::size_t(size_.width);
+    return std::clamp<std::size_t>(kPixelsAtATime / std::max<std::size_t>(1, pixels), 1,
+                                   std::size_t(core::thread_count()));
+  }
+
   // Calls compute(i) for the frames of a batch on all threads, then store(i) in order through the one store connection.
   template <typename Load, typename Compute, typename Store>
   void in_batches(std::size_t count, const Load& load, const Compute& compute, const Store& store) const {
-    // Flow takes about 230 bytes a pixel: of large pictures not as many at a time as there are threads.
-    constexpr std::size_t kPixelsAtATime = 1 << 25;
-    const std::size_t batch = std::clamp<std::size_t>(kPixelsAtATime / std::max<std::size_t>(1, pixels_), 1,
-                                                      std::size_t(core::thread_count()));
+    const std::size_t batch = frames_at_a_time();
     for (std::size_t begin = 0; begin < count; begin += batch) {
       core::throw_if_interrupted();
       const std::size_t end = std::min(count, begin + batch);
@@ -91,7 +103,7 @@ class CameraAlignment {
   }
 
   void track() {
-    const int key_step = capture::key_step(scan_.steps);
+    const int key_step = cli::key_step(scan_);
     const auto key_frame = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
                                         [&](const TrackingFrame& f) { return f.frame.step_index == key_step; });
     if (key_frame == tracking_frames_.end()) {
@@ -100,10 +112,16 @@ class CameraAlignment {
                              scan_.name + "`");
     }
     key_ = std::size_t(key_frame - tracking_frames_.begin());
-    const core::Image key = db::load_frame(store_, key_frame->frame, dark_);
-    const core::Image mask = align::subject_mask(key);
-    longer_side_ = std::max(key.width(), key.height());
-    pixels_ = std::size_t(key.width()) * std::size_t(key.height());
+    const core::Image key = db::load_frame(store_, key_frame->frame, dark_, flat_.image);
+    mask_ = align::subject_mask(key);
+    size_ = key.size();
+    if (const std::string objection = align::key_objection(key, mask_, key_frame->frame.saturation);
+        !objection.empty()) {
+      throw core::BadInput("scan '" + scan_.name + "', camera '" + camera_ + "': its key frame (step " +
+                           std::to_string(key_step) + ") " + objection +
+                           (dark_.empty() ? "" : " once the dark frames are subtracted") +
+                           ", so nothing can be aligned to it; capture the pass again");
+    }
     core::Progress progress("optical flow, " + camera_, tracking_frames_.size());
     struct Work {
       core::Image picture;
@@ -113,22 +131,22 @@ class CameraAlignment {
     std::map<std::size_t, Work> work;
     in_batches(
         tracking_frames_.size(),
-        [&](std::size_t i) { work[i].picture = db::load_frame(store_, tracking_frames_[i].frame, dark_); },
+        [&](std::size_t i) { work[i].picture = db::load_frame(store_, tracking_frames_[i].frame, dark_, flat_.image); },
         [&](std::size_t i) {
           Work& own = work.at(i);
           own.flow = align::FlowField(key.height(), key.width(), 2);
           align::FlowField back = own.flow;
           if (i != key_) {
             own.flow = align::compute_flow(key, own.picture, options_.preset, options_.shrink);
-            if (align::stands_still(own.flow, mask)) {
+            if (align::stands_still(own.flow, mask_)) {
               own.flow = back;
             } else {
               back = align::compute_flow(own.picture, key, options_.preset, options_.shrink);
             }
           }
           own.confidence = align::flow_confidence(own.flow, back);
-          tracking_frames_[i].residual_before = align::residual(key, own.picture, mask);
-          tracking_frames_[i].agreement = align::agreement_of(key, own.picture, own.flow, own.confidence, mask);
+          tracking_frames_[i].residual_before = align::residual(key, own.picture, mask_);
+          tracking_frames_[i].agreement = align::agreement_of(key, own.picture, own.flow, own.confidence, mask_);
         },
         [&](std::size_t i) {
           tracking_frames_[i].flow = store_.put_object(work.at(i).flow);
@@ -143,7 +161,7 @@ class CameraAlignment {
     for (std::size_t i = 0; i < tracking_frames_.size(); ++i) {
       if (i != key_) others.push_back(tracking_frames_[i].agreement);
     }
-    std::vector<std::string> objections = align::objections(others, longer_side_);
+    std::vector<std::string> objections = align::objections(others, std::max(size_.width, size_.height));
     objections.insert(objections.begin() + std::ptrdiff_t(key_), std::string());
     std::vector<double> motions;
     for (std::size_t i = 0; i < tracking_frames_.size(); ++i) {
@@ -181,9 +199,16 @@ class CameraAlignment {
     return before->agreement.residual + part * (after->agreement.residual - before->agreement.residual);
   }
 
-  // Why a frame of that time is not to be used; empty when it is.
-  std::string objection_at(core::Nanoseconds time) const {
-    const auto [before, after] = around(time);
+  // Why a light's frame is not to be used; empty when it is.
+  std::string objection_to(const TimedFrame& light) const {
+    // In the table of steps: a pass that was broken off lacks the tracking frame after its last lights.
+    for (const int direction : {-1, 1}) {
+      int step = light.frame.step_index + direction;
+      while (step >= 0 && step < int(scan_.steps.size()) && kind_of(step) != db::StepKind::kTracking) step += direction;
+      if (step < 0 || step >= int(scan_.steps.size()) || tracked_steps_.contains(step)) continue;
+      return "next to the tracking frame of step " + std::to_string(step) + ", which was not taken";
+    }
+    const auto [before, after] = around(light.time);
     for (const TrackingFrame* frame : {before, after}) {
       if (frame->objection.empty()) continue;
       return "next to the tracking frame of step " + std::to_string(frame->frame.step_index) + ", where the subject " +
@@ -192,14 +217,30 @@ class CameraAlignment {
     return {};
   }
 
-  void require_enough(std::size_t unusable) const {
-    if (2 * unusable <= light_frames_.size()) return;
-    const auto worst = std::find_if(tracking_frames_.begin(), tracking_frames_.end(),
-                                    [](const TrackingFrame& f) { return !f.objection.empty(); });
+  db::StepKind kind_of(int step) const { return scan_.steps.at(std::size_t(step)).kind; }
+  int light_of(const TimedFrame& frame) const {
+    return *scan_.steps.at(std::size_t(frame.frame.step_index)).light_index;
+  }
+
+  // Lights of which no frame is to be used.
+  std::set<int> lost_lights() const {
+    std::set<int> lost, usable;
+    for (const TimedFrame& light : light_frames_) (objection_to(light).empty() ? usable : lost).insert(light_of(light));
+    std::erase_if(lost, [&](int light) { return usable.contains(light); });
+    return lost;
+  }
+
+  void require_enough(std::size_t lost) const {
+    std::set<int> lights;
+    std::string why;
+    for (const TimedFrame& light : light_frames_) {
+      lights.insert(light_of(light));
+      if (why.empty()) why = objection_to(light);
+    }
+    if (2 * lost <= lights.size()) return;
     throw core::BadInput(
-        "scan '" + scan_.name + "', camera '" + camera_ + "': " + std::to_string(unusable) + " of " +
-        std::to_string(light_frames_.size()) + " frames cannot be aligned (tracking frame of step " +
-        std::to_string(worst->frame.step_index) + ": the subject " + worst->objection +
+        "scan '" + scan_.name + "', camera '" + camera_ + "': the frames of " + std::to_string(lost) + " of " +
+        std::to_string(lights.size()) + " lights cannot be aligned (" + why +
         "); capture it again, with the head supported, more tracking frames (--tracking-every) or a shorter pass");
   }
 
@@ -213,9 +254,9 @@ class CameraAlignment {
   }
 
   void warp_light_frames(db::NewProduct& product, AlignReport& report) {
-    std::size_t unusable = 0;
-    for (const TimedFrame& light : light_frames_) unusable += !objection_at(light.time).empty();
-    require_enough(unusable);
+    const std::set<int> lost = lost_lights();
+    require_enough(lost.size());
+    report.lost_lights.insert(lost.begin(), lost.end());
     core::Progress progress("warping, " + camera_, light_frames_.size());
     align::MotionTrack motion(options_.between);
     std::size_t next = 0;
@@ -223,7 +264,8 @@ class CameraAlignment {
       core::Image picture, confidence;
       align::FlowField flow;
     };
-    core::Image seen;
+    core::Image seen(size_.height, size_.width, 1);
+    std::fill(seen.values().begin(), seen.values().end(), 1.0F);
     std::map<std::size_t, Work> work;
     in_batches(
         light_frames_.size(),
@@ -231,7 +273,7 @@ class CameraAlignment {
           // The first of a batch is the earliest: what lies before is of no more use.
           if (work.empty()) motion.forget_before(light_frames_[i].time);
           extend(motion, next, light_frames_[i].time);
-          work[i].picture = db::load_frame(store_, light_frames_[i].frame, dark_);
+          work[i].picture = db::load_frame(store_, light_frames_[i].frame, dark_, flat_.image);
         },
         [&](std::size_t i) {
           Work& own = work.at(i);
@@ -244,31 +286,48 @@ class CameraAlignment {
         [&](std::size_t i) {
           const TimedFrame& light = light_frames_[i];
           const int step = light.frame.step_index;
-          const std::string objection = objection_at(light.time);
-          const bool used = objection.empty();
+          const std::string objection = objection_to(light);
           const double value = residual_at(light.time);
-          product.images.push_back({.role = used ? "aligned" : "excluded",
-                                    .index = step,
-                                    .object = store_.put_object(work.at(i).picture),
-                                    .value = value});
-          product.images.push_back({.role = "confidence",
-                                    .index = step,
-                                    .object = store_.put_object(work.at(i).confidence),
-                                    .value = value});
+          const bool used = objection.empty();
+          add_image(product, used ? "aligned" : "excluded", step, store_.put_object(work.at(i).picture), value);
+          add_image(product, "confidence", step, store_.put_object(work.at(i).confidence), value);
           if (used) {
             ++report.aligned;
-            if (seen.empty()) {
-              seen = core::Image(work.at(i).picture.height(), work.at(i).picture.width(), 1);
-              std::fill(seen.values().begin(), seen.values().end(), 1.0F);
-            }
-            align::clear_outside(seen, work.at(i).flow);
+            clear_hidden(seen, work.at(i).confidence, work.at(i).flow);
           } else {
-            report.excluded.push_back({camera_, step, scan_.steps.at(std::size_t(step)).light_index, objection});
+            report.excluded.push_back({camera_, step, light_of(light), objection});
           }
           work.erase(i);
           progress.advance();
         });
-    if (!seen.empty()) product.images.push_back({.role = "seen", .index = 0, .object = store_.put_object(seen)});
+    add_image(product, "seen", 0, store_.put_object(seen), 0);
+    report.masked = std::max(report.masked, share_cleared(seen));
+  }
+
+  // Sets to 0 what a frame does not show: on the subject where its confidence is 0, elsewhere what lies outside its picture.
+  void clear_hidden(core::Image& seen, const core::Image& confidence, const align::FlowField& flow) const {
+    core::Image inside = seen;
+    align::clear_outside(inside, flow);
+    for (std::size_t p = 0; p < seen.values().size(); ++p) {
+      const bool subject = mask_.values()[p] > 0.5F;
+      if (subject ? confidence.values()[p] <= 0 : inside.values()[p] <= 0) seen.values()[p] = 0;
+    }
+  }
+
+  // Of the subject.
+  double share_cleared(const core::Image& seen) const {
+    std::size_t subject = 0, cleared = 0;
+    for (std::size_t p = 0; p < seen.values().size(); ++p) {
+      if (mask_.values()[p] <= 0.5F) continue;
+      ++subject;
+      cleared += seen.values()[p] <= 0;
+    }
+    return subject == 0 ? 0 : double(cleared) / double(subject);
+  }
+
+  static void add_image(db::NewProduct& product, const char* role, int index, const db::ContentHash& object,
+                        double value) {
+    product.images.push_back({.role = role, .index = index, .object = object, .value = value});
   }
 
   db::Store& store_;
@@ -276,11 +335,13 @@ class CameraAlignment {
   const std::string& camera_;
   const AlignOptions& options_;
   core::Image dark_;
+  db::FlatField flat_;
   std::vector<TrackingFrame> tracking_frames_;  // by time
+  std::set<int> tracked_steps_;                 // that have a frame
   std::vector<TimedFrame> light_frames_;        // by time
   std::size_t key_ = 0;                         // of the tracking frames
-  int longer_side_ = 0;                         // of the pictures
-  std::size_t pixels_ = 0;
+  core::ImageSize size_;                        // of the pictures
+  core::Image mask_;                            // the subject in the key pose
 };
 
 }  // namespace
@@ -318,6 +379,7 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                            "which registers pictures under different lights and is weaker");
   }
   AlignReport report;
+  std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {
     db::NewProduct product;
     product.kind = "alignment";
@@ -334,8 +396,12 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                                     {"shrink", options.shrink},
                                     {"between", to_string(options.between)},
                                     {"excluded", excluded}});
-    store.add_product(product);
+    products.push_back(std::move(product));
   }
+  // All cameras or none: what ends the program before leaves the scan as it was.
+  store.atomically([&] {
+    for (const db::NewProduct& product : products) store.add_product(product);
+  });
   if (report.tracking_frames > 0) {
     report.residual_before /= double(report.tracking_frames);
     report.residual_after /= double(report.tracking_frames);

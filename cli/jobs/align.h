@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -33,16 +34,19 @@ struct AlignReport {
   double residual_before = 0;  // mean over tracking frames, display values
   double residual_after = 0;
   double believed = 0;  // share of the subject where flow there and back agree, mean over tracking frames
-  std::vector<ExcludedFrame> excluded;  // in order of camera and step
+  std::vector<ExcludedFrame> excluded;  // in order of camera and time
+  double masked = 0;                    // share of the subject that some frame that is used does not show
+  std::set<int> lost_lights;            // of which some camera has no frame that is used
 };
 
 // For every camera: flow from the key frame to each tracking frame and back, in between as `between` says, and each light's frame warped to
 // the key pose. Tracking frames that do not agree with the key frame (align/agreement.h) are left out, and the frames next to them are
-// not to be used. Stored as an "alignment" product a camera: images of role "aligned" (index: step; value: residual of the tracking
-// frames around it, in proportion of time), "excluded" in their place for those not to be used, "confidence" (index: step of the aligned
-// frame; one channel, 0 where nothing is known of that place), "flow" and "flow_confidence" (index: tracking step; value: residual), and "seen" (1 where no
-// frame that is used shows what lay outside its picture: loaded scans add it to their mask); its parameters list the excluded with reasons. Takes memory for as many pictures as there are threads (fewer where they are large), however long the pass. Throws
-// UsageError for a scan without tracking frames, and BadInput when more than half of a camera's frames could not be used.
+// not to be used. Stored as an "alignment" product a camera: images of role "aligned" (index: step; value: residual of the tracking frames
+// around it, in proportion of time), "excluded" in their place for those not to be used, "confidence" (index: step of the aligned frame; one
+// channel, 0 where the frame does not show the place), "flow" and "flow_confidence" (index: tracking step; value: residual), and "seen" (0
+// where a frame that is used does not show the subject: loaded scans add it to their mask); its parameters list the excluded with reasons. Takes memory
+// for as many pictures as there are threads (fewer where they are large), however long the pass. Throws UsageError for a scan without
+// tracking frames, and BadInput when the frames of more than half of a camera's lights could not be used.
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options);
 
 // Middle of a frame's exposure: the time whose pose the picture shows.

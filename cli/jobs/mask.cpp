@@ -3,14 +3,14 @@
 #include <nlohmann/json.hpp>
 
 #include "align/subject_mask.h"
-#include "capture/sequence.h"
+#include "cli/jobs/provenance.h"
 #include "cli/options.h"
 #include "db/scan_loader.h"
 
 namespace lightstage::cli {
 
 void store_subject_masks(db::Store& store, const db::Scan& scan) {
-  const int key = capture::key_step(scan.steps);
+  const int key = key_step(scan);
   if (key < 0) return;
   for (const std::string& camera : scan.cameras) {
     const core::Image dark = db::dark_level(store, scan, camera);

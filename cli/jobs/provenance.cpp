@@ -1,5 +1,7 @@
 #include "cli/jobs/provenance.h"
 
+#include <algorithm>
+
 #include <nlohmann/json.hpp>
 
 #include "cli/options.h"
@@ -13,6 +15,7 @@ using nlohmann::ordered_json;
 std::string to_json(const CaptureProvenance& provenance) {
   ordered_json json{{"stage_toml", capture::to_toml(provenance.stage)},
                     {"sequence_toml", capture::to_toml(provenance.sequence)}};
+  if (provenance.pass_steps < provenance.sequence.steps.size()) json["pass_steps"] = provenance.pass_steps;
   if (provenance.simulation) json["simulation"] = ordered_json::parse(sim::to_json(*provenance.simulation));
   return json_text(json);
 }
@@ -35,8 +38,16 @@ CaptureProvenance capture_provenance(const db::Scan& scan) {
   provenance.stage = capture::parse_stage(json["stage_toml"].get<std::string>(), where);
   provenance.sequence =
       capture::parse_sequence(json["sequence_toml"].get<std::string>(), where, provenance.stage.light_positions.size());
+  provenance.pass_steps = json.value("pass_steps", provenance.sequence.steps.size());
   if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
   return provenance;
+}
+
+int key_step(const db::Scan& scan) {
+  const ordered_json json = ordered_json::parse(scan.provenance, nullptr, false);
+  std::vector<db::Step> pass = scan.steps;
+  if (json.is_object()) pass.resize(std::min(pass.size(), json.value("pass_steps", pass.size())));
+  return capture::key_step(pass);
 }
 
 const capture::StageCamera& camera_of(const capture::Stage& stage, const std::string& name) {

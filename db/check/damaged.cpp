@@ -6,6 +6,7 @@
 
 #include "core/display.h"
 #include "db/check/neighbours.h"
+#include "db/check/thumbnail.h"
 
 namespace lightstage::db {
 namespace {
@@ -46,7 +47,7 @@ double median(std::vector<double> values) {
 
 // The worst of the usable pictures in one feature, if it is bad enough.
 std::optional<Damage> worst(std::span<const core::Direction> directions, std::span<const core::Image> pictures,
-                            const core::Image& mask, const std::vector<bool>& usable) {
+                            const core::Image& mask, const std::vector<bool>& usable, DamageKind kind) {
   std::vector<std::size_t> indices;
   std::vector<Judgement> judgements;
   std::vector<double> spreads;
@@ -71,10 +72,46 @@ std::optional<Damage> worst(std::span<const core::Direction> directions, std::sp
   const std::size_t at = std::size_t(std::max_element(logarithms.begin(), logarithms.end()) - logarithms.begin());
   const double ratio = std::exp(logarithms[at]);
   if (ratio < kLeastRatio || logarithms[at] - centre < kLeastDeviations * sigma) return std::nullopt;
-  return Damage{indices[at], ratio, false};
+  return Damage{indices[at], kind, ratio};
+}
+
+// Of the mask's pixels.
+double brightness(const core::Image& thumbnail, const core::Image& mask) {
+  constexpr double kBrightParts = 0.95;
+  std::vector<float> values;
+  for (std::size_t p = 0; p < thumbnail.values().size(); ++p) {
+    if (mask.empty() || mask.values()[p] > 0.5F) values.push_back(thumbnail.values()[p]);
+  }
+  return values.empty() ? 0 : core::quantile(values, kBrightParts);
 }
 
 }  // namespace
+
+std::vector<Damage> find_black(std::span<const core::Direction> directions, std::span<const core::Image> shapes,
+                               const core::Image& mask) {
+  constexpr std::size_t kFewest = 3;
+  constexpr double kBrighterPictures = 0.9;  // most of a set may be black
+  constexpr double kMostInFront = 0.05, kMostBehind = 0.02;
+  if (shapes.size() < kFewest) return {};
+  std::vector<float> levels;
+  for (const core::Image& shape : shapes) levels.push_back(float(brightness(shape, mask)));
+  const double usual = core::quantile(levels, kBrighterPictures);
+  if (!(usual > 0)) return {};
+  const std::vector<bool> all(shapes.size(), true);
+  std::vector<Damage> black;
+  for (std::size_t i = 0; i < levels.size(); ++i) {
+    const double share = double(levels[i]) / usual;
+    bool found = directions[i].z() > 0 && share < kMostInFront;
+    if (!found && share < kMostInFront) {
+      double around = 0;
+      for (const Neighbour& n : neighbours(directions, i, kNeighbours, all))
+        around = std::max(around, double(levels[n.index]));
+      found = double(levels[i]) < kMostBehind * around;
+    }
+    if (found) black.push_back({i, DamageKind::kBlack, std::max(0.0, share)});
+  }
+  return black;
+}
 
 std::vector<Damage> find_damaged(std::span<const core::Direction> directions, std::span<const DamageFeatures> features,
                                  const DamageFeatures& mask) {
@@ -83,15 +120,14 @@ std::vector<Damage> find_damaged(std::span<const core::Direction> directions, st
     shapes.push_back(core::display_encode(f.shape));
     details.push_back(f.detail);
   }
-  std::vector<bool> usable(features.size(), true);
   std::vector<Damage> damaged;
-  while (features.size() - damaged.size() >= kLeastPictures) {
-    const auto in_shape = worst(directions, shapes, mask.shape, usable);
-    auto in_detail = worst(directions, details, mask.detail, usable);
-    if (!in_shape && !in_detail) break;
-    if (in_detail) in_detail->in_detail = true;
-    damaged.push_back(!in_shape || (in_detail && in_detail->error_ratio > in_shape->error_ratio) ? *in_detail
-                                                                                                 : *in_shape);
+  std::vector<bool> usable(features.size(), true);
+  const bool comparable = !shapes.empty() && shapes.front().values().size() >= kLeastPixelsToCompare;
+  while (comparable && std::size_t(std::count(usable.begin(), usable.end(), true)) >= kLeastPictures) {
+    const auto in_shape = worst(directions, shapes, mask.shape, usable, DamageKind::kWhole);
+    const auto in_rows = worst(directions, details, mask.detail, usable, DamageKind::kRows);
+    if (!in_shape && !in_rows) break;
+    damaged.push_back(!in_shape || (in_rows && in_rows->ratio > in_shape->ratio) ? *in_rows : *in_shape);
     usable[damaged.back().index] = false;
   }
   std::sort(damaged.begin(), damaged.end(), [](const Damage& a, const Damage& b) { return a.index < b.index; });

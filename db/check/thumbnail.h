@@ -1,6 +1,8 @@
 // Pictures reduced to what comparing them needs.
 #pragma once
 
+#include <cstddef>
+
 #include "core/image.h"
 
 namespace lightstage::db {
@@ -9,6 +11,9 @@ namespace lightstage::db {
 constexpr int kShapeSide = 24;
 constexpr int kDamageSide = 48;
 constexpr int kDetailSide = 12;
+
+// Of a thumbnail: with fewer, pictures are too small to be compared by what is in them.
+constexpr std::size_t kLeastPixelsToCompare = 64;
 
 // Means over boxes, linear, channels kept.
 core::Image shrink(core::ImageView linear, int longest_side);

@@ -63,6 +63,17 @@ void check_scan(const NewScan& scan) {
   check_steps(scan);
 }
 
+void insert_steps(SQLite::Database& database, Id scan_id, const std::vector<Step>& steps) {
+  SQLite::Statement insert(database,
+                           "INSERT INTO steps (scan_id, step_index, kind, light_index, exposure_ns, pattern) "
+                           "VALUES (?, ?, ?, ?, ?, ?)");
+  for (const Step& step : steps) {
+    bind_all(insert, scan_id, step.step_index, to_string(step.kind), step.light_index, step.exposure_ns, step.pattern);
+    insert.exec();
+    insert.reset();
+  }
+}
+
 constexpr const char* kScanColumns =
     "SELECT id, name, kind, stage_key, provenance, created_utc, program_version FROM scans ";
 
@@ -95,15 +106,19 @@ Id Store::add_scan(const NewScan& scan) {
     for (std::size_t i = 0; i < scan.cameras.size(); ++i) {
       impl_->change("INSERT INTO cameras (scan_id, position, name) VALUES (?, ?, ?)", id, int(i), scan.cameras[i]);
     }
-    SQLite::Statement insert(impl_->database,
-                             "INSERT INTO steps (scan_id, step_index, kind, light_index, exposure_ns, pattern) "
-                             "VALUES (?, ?, ?, ?, ?, ?)");
-    for (const Step& step : scan.steps) {
-      bind_all(insert, id, step.step_index, to_string(step.kind), step.light_index, step.exposure_ns, step.pattern);
-      insert.exec();
-      insert.reset();
-    }
+    insert_steps(impl_->database, id, scan.steps);
     return id;
+  });
+}
+
+void Store::extend_scan(Id scan_id, const std::vector<Step>& steps, const std::string& provenance) {
+  impl_->write([&] {
+    NewScan extended = scan(scan_id);
+    extended.steps.insert(extended.steps.end(), steps.begin(), steps.end());
+    extended.provenance = provenance;
+    check_scan(extended);
+    impl_->change("UPDATE scans SET provenance = ? WHERE id = ?", json_or_empty(provenance), scan_id);
+    insert_steps(impl_->database, scan_id, steps);
   });
 }
 

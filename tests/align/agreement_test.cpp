@@ -88,6 +88,33 @@ TEST_CASE("what moves by 40 pixels is never taken for aligned") {
   for (std::size_t i = 0; i < 4; ++i) CHECK(found[i].empty());
 }
 
+TEST_CASE(
+    "a key frame that shows nothing is refused, and frames that resemble it in nothing are, be they ever so few") {
+  const core::Image key = Sitting().key();
+  CHECK(key_objection(key, {}, 0).empty());
+  CHECK(key_objection(key, {}, 2).empty());
+  core::Image even(40, 50, 3);
+  CHECK(key_objection(even, {}, 1) == "is black");
+  for (float& value : even.values()) value = -0.5F;
+  CHECK(key_objection(even, {}, 1) == "is black");
+  for (float& value : even.values()) value = 0.4F;
+  CHECK(key_objection(even, {}, 1) == "shows nothing to follow: it is even");
+  // A white-out before a dark background.
+  core::Image mask(40, 50, 1);
+  for (int y = 10; y < 30; ++y)
+    for (int x = 10; x < 40; ++x) {
+      mask(y, x) = 1;
+      for (int c = 0; c < 3; ++c) even(y, x, c) = 1;
+    }
+  CHECK(key_objection(even, mask, 1) == "is saturated over 100 % of the subject");
+  CHECK(key_objection(even, mask, 0).empty());
+  CHECK(key_objection(even, {}, 1).empty());
+
+  Agreement unlike;
+  unlike.residual = 0.5;
+  CHECK(objections(std::vector{unlike}, 256).front() == "does not resemble the key frame");
+}
+
 TEST_CASE("a subject without texture, a black one and one off the mask agree with themselves") {
   core::Image even(40, 50, 1), certain(40, 50, 1);
   std::fill(certain.values().begin(), certain.values().end(), 1.0F);

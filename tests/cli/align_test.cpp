@@ -1,4 +1,6 @@
 // `align` through the program: what it refuses and marks, and that it keeps what it says.
+#include <SQLiteCpp/SQLiteCpp.h>
+
 #include <catch2/catch.hpp>
 
 #include "cli/program.h"
@@ -16,6 +18,13 @@ nlohmann::json succeed(const std::filesystem::path& store, std::vector<std::stri
   INFO(arguments.front() << ": " << outcome.err);
   REQUIRE(outcome.status == 0);
   return outcome.json();
+}
+
+// An eye that closes.
+void blink(core::Image& picture) {
+  for (int y = 48; y < 62; ++y)
+    for (int x = 52; x < 72; ++x)
+      for (int c = 0; c < picture.channels(); ++c) picture(y, x, c) *= 0.3F;
 }
 
 // A pass of 24 lights with a tracking frame every 6th.
@@ -93,11 +102,7 @@ TEST_CASE_METHOD(Pass, "frames beside a blink are marked and left out of what is
     tracking = tracking_frames(opened);
   }
   REQUIRE(tracking.size() == 5);
-  replace(tracking.back(), [](core::Image& picture) {
-    for (int y = 48; y < 62; ++y)
-      for (int x = 52; x < 72; ++x)
-        for (int c = 0; c < picture.channels(); ++c) picture(y, x, c) *= 0.3F;
-  });
+  replace(tracking.back(), blink);
   const auto report = succeed(store, {"align", "head"});
   INFO(report.dump());
   CHECK(report["aligned"] == 18);
@@ -115,6 +120,79 @@ TEST_CASE_METHOD(Pass, "frames beside a blink are marked and left out of what is
   CHECK(evaluated.err.find("6 frames could not be aligned and are left out") != std::string::npos);
 }
 
+TEST_CASE_METHOD(Pass, "lights beside a blink are taken again, and nothing that was taken is replaced") {
+  std::vector<db::Frame> before;
+  {
+    const db::Store opened = db::Store::open(store);
+    before = opened.frames(opened.scan("head").id);
+  }
+  CHECK(run_program(store, {"capture", "--retake", "--name", "head"}).status == 2);  // not aligned yet
+  {
+    const db::Store opened = db::Store::open(store);
+    replace(tracking_frames(opened)[3], blink);
+    before = opened.frames(opened.scan("head").id);
+  }
+  const auto first = succeed(store, {"align", "head"});
+  CHECK(first["excluded"].size() == 13);
+  CHECK(first["lost_lights"] == std::vector<int>{12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23});
+  CHECK(run_program(store, {"capture", "--retake", "--resume", "--name", "head"}).status == 2);
+  CHECK(run_program(store, {"capture", "--retake", "--name", "head", "--tracking-every", "3"}).status == 2);
+  const auto retaken = succeed(store, {"capture", "--retake", "--name", "head"});
+  CHECK(retaken["taken_again"] == 12);
+  CHECK(retaken["stored"] == 15);  // with a tracking frame before every sixth and one at the end
+  {
+    const db::Store opened = db::Store::open(store);
+    const std::vector<db::Frame> after = opened.frames(opened.scan("head").id);
+    REQUIRE(after.size() == before.size() + 15);
+    for (std::size_t i = 0; i < before.size(); ++i) CHECK(after[i].object == before[i].object);
+  }
+  // The alignment is older than these frames.
+  const test::Outcome stale = run_program(store, {"evaluate", "head", "--held-out", "--method", "nearest"});
+  CHECK(stale.status == 5);
+  CHECK(stale.err.find("run `lightstage align` again") != std::string::npos);
+  CHECK(run_program(store, {"capture", "--retake", "--name", "head"}).status == 2);
+
+  const auto second = succeed(store, {"align", "head"});
+  INFO(second.dump());
+  CHECK(second["aligned"] == 24);
+  CHECK(second["excluded"].size() == 13);
+  CHECK(second["lost_lights"].empty());
+  const test::Outcome evaluated = run_program(store, {"evaluate", "head", "--accuracy", "--json"});
+  INFO(evaluated.err);
+  REQUIRE(evaluated.status == 0);
+  CHECK(evaluated.err.find("left out") == std::string::npos);
+  CHECK(evaluated.json()["alignment"]["median_epe_px"].get<double>() < 0.1);
+  CHECK(evaluated.json()["alignment"]["frames"] == 24);
+  CHECK(run_program(store, {"capture", "--retake", "--name", "head"}).status == 2);  // nothing is lacking now
+  CHECK(run_program(store, {"store", "verify"}).status == 0);
+}
+
+TEST_CASE_METHOD(Pass, "a retake that was broken off leaves the scan as usable as it was, and is gone on with") {
+  {
+    const db::Store opened = db::Store::open(store);
+    replace(tracking_frames(opened).back(), blink);
+  }
+  succeed(store, {"align", "head"});
+  {
+    // What a process that was killed after the first two frames leaves behind.
+    db::Store opened = db::Store::open(store);
+    const db::Scan scan = opened.scan("head");
+    succeed(store, {"capture", "--retake", "--name", "head"});
+    SQLite::Database((store / "store.sqlite").string(), SQLite::OPEN_READWRITE)
+        .exec("DELETE FROM frames WHERE step_index >= " + std::to_string(scan.steps.size() + 2));
+  }
+  // The light that was taken again has no tracking frame after it.
+  const auto report = succeed(store, {"align", "head"});
+  INFO(report.dump());
+  CHECK(report["aligned"] == 18);
+  CHECK(report["lost_lights"].size() == 6);
+  CHECK(report["excluded"].back()["reason"].get<std::string>().find("was not taken") != std::string::npos);
+  CHECK(run_program(store, {"evaluate", "head", "--held-out", "--method", "nearest"}).status == 0);
+  CHECK(run_program(store, {"capture", "--retake", "--name", "head"}).status == 2);
+  CHECK(succeed(store, {"capture", "--resume", "--name", "head"})["stored"] == 6);
+  CHECK(succeed(store, {"align", "head"})["lost_lights"].empty());
+}
+
 TEST_CASE_METHOD(Pass, "a subject that moves 40 pixels is refused with advice") {
   std::vector<db::Frame> tracking;
   {
@@ -129,6 +207,43 @@ TEST_CASE_METHOD(Pass, "a subject that moves 40 pixels is refused with advice") 
   CHECK(outcome.err.find("head supported") != std::string::npos);
   CHECK(outcome.err.find("--tracking-every") != std::string::npos);
   CHECK(db::Store::open(store).products("alignment").empty());
+}
+
+TEST_CASE_METHOD(Pass, "tracking frames that show nothing are not taken for a subject that stands still") {
+  std::vector<db::Frame> tracking, dark;
+  {
+    const db::Store opened = db::Store::open(store);
+    tracking = tracking_frames(opened);
+    const db::Scan scan = opened.scan("head");
+    for (const db::Frame& frame : opened.frames(scan.id))
+      if (scan.steps[std::size_t(frame.step_index)].kind == db::StepKind::kDark) dark.push_back(frame);
+  }
+  const auto fill = [](float value) {
+    return [value](core::Image& picture) { std::fill(picture.values().begin(), picture.values().end(), value); };
+  };
+  const auto refused = [&](const std::string& why) {
+    const test::Outcome outcome = run_program(store, {"align", "head"});
+    INFO(outcome.err);
+    CHECK(outcome.status == 3);
+    CHECK(outcome.err.find(why) != std::string::npos);
+    CHECK(db::Store::open(store).products("alignment").empty());
+  };
+  SECTION("all black") {
+    for (const db::Frame& frame : tracking) replace(frame, fill(0));
+    refused("is black");
+  }
+  SECTION("the key frame saturated") {
+    replace(tracking[2], fill(float(tracking[2].saturation)));
+    refused("key frame (step 18)");
+  }
+  SECTION("all others saturated") {
+    for (const std::size_t i : {0, 1, 3, 4}) replace(tracking[i], fill(float(tracking[i].saturation)));
+    refused("cannot be aligned");
+  }
+  SECTION("dark frames brighter than the lit ones") {
+    for (const db::Frame& frame : dark) replace(frame, fill(50));
+    refused("once the dark frames are subtracted");
+  }
 }
 
 TEST_CASE("a set without tracking frames is registered on demand, and says that this is weaker") {

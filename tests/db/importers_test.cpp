@@ -2,10 +2,12 @@
 
 #include <catch2/catch.hpp>
 #include <cmath>
+#include <map>
 
 #include "core/error.h"
 #include "core/image_file.h"
 #include "core/light_list.h"
+#include "core/sphere.h"
 #include "db/importers.h"
 #include "db/scan_loader.h"
 #include "db/scene.h"
@@ -432,4 +434,90 @@ TEST_CASE_METHOD(Fixture, "a nearly black picture and a torn one are set aside, 
   CHECK(loaded.scan.light_count() == 38);
   CHECK(std::count(loaded.light_index.begin(), loaded.light_index.end(), 6) == 0);
   CHECK(std::count(loaded.light_index.begin(), loaded.light_index.end(), 13) == 0);
+}
+
+TEST_CASE_METHOD(Fixture, "of a large set a picture that cannot be read is named and left out, many end the import") {
+  write_pictures(".exr", 20);
+  write_text(set / "a.lp", lp_text(20, ".exr"));
+  write_text(set / name(4, ".exr"), "hello");
+  fs::resize_file(set / name(7, ".exr"), fs::file_size(set / name(7, ".exr")) - 200);
+  const db::ImportReport report = db::import_pictures(store, db::read_lp_set(set / "a.lp"), "most");
+  REQUIRE(report.excluded.size() == 2);
+  CHECK(report.excluded[0].light_index == 4);
+  CHECK(report.excluded[1].light_index == 7);
+  CHECK_THAT(report.excluded[1].reason, Contains((set / "p7.exr").string()));
+  const db::Scan scan = store.scan("most");
+  CHECK(scan.steps.size() == 18);
+  const db::LoadedScan loaded = db::load_scan(store, "most");
+  REQUIRE(loaded.scan.light_count() == 18);
+  CHECK(loaded.light_index[4] == 5);
+  // The pictures after it still belong to their lights.
+  CHECK((*loaded.scan.image(17))(12, 10) == Approx(test::lit_ball(lights[19], 24, 20)(12, 10)).epsilon(1e-3));
+  CHECK(store.verify().errors == std::vector<std::string>());
+
+  write_text(set / name(0, ".exr"), "");
+  CHECK_THROWS_AS(db::import_pictures(store, db::read_lp_set(set / "a.lp"), "new"), core::BadInput);
+  CHECK_THAT(message_of([&] { db::import_pictures(store, db::read_lp_set(set / "a.lp"), "new"); }),
+             Contains((set / "p0.exr").string()) && Contains("3 of the set's 20 pictures cannot be read"));
+  CHECK_FALSE(store.find_scan("new"));
+}
+
+TEST_CASE_METHOD(Fixture, "what is wrong with pictures is told from what they show") {
+  std::size_t count = 40;
+  int height = 48, width = 40;
+  std::vector<core::Image> pictures;
+  const auto render = [&] {
+    lights = test::front_lights(count);
+    pictures.clear();
+    for (const core::Direction& light : lights) pictures.push_back(test::lit_ball(light, height, width));
+  };
+  const auto excluded = [&] {
+    for (std::size_t i = 0; i < pictures.size(); ++i) core::write_image(set / name(i, ".exr"), pictures[i]);
+    write_text(set / "a.lp", lp_text(pictures.size(), ".exr"));
+    static int scans = 0;
+    std::map<int, std::string> reasons;
+    for (const db::CalibratedLight& light :
+         db::import_pictures(store, db::read_lp_set(set / "a.lp"), "scan" + std::to_string(scans++)).excluded) {
+      reasons[light.light_index] = light.reason;
+    }
+    return reasons;
+  };
+  const auto tear = [&](core::Image& picture) {
+    for (int y = 0; y < height; y += 2)
+      for (int x = 0; x < width * 3; ++x) picture.pixel(y, 0)[x] *= 0.3F;
+  };
+  SECTION("two neighbours swapped") {
+    render();
+    CHECK(excluded().empty());
+    const std::size_t other = core::nearest_indices(lights, lights[11], 2).back();
+    std::swap(pictures[11], pictures[other]);
+    const auto found = excluded();
+    REQUIRE(found.size() == 2);
+    CHECK_THAT(found.at(11), Contains("swapped with p" + std::to_string(other) + ".exr"));
+    CHECK_THAT(found.at(int(other)), Contains("swapped with p11.exr"));
+  }
+  SECTION("half of them black") {
+    render();
+    for (std::size_t i = 0; i < count; i += 2) pictures[i] = core::Image(height, width, 3);
+    const auto found = excluded();
+    REQUIRE(found.size() == count / 2);
+    for (const auto& [light, reason] : found) {
+      CHECK(light % 2 == 0);
+      CHECK_THAT(reason, Contains("it is black (0.0 %"));
+    }
+  }
+  SECTION("one of sixteen torn") {
+    count = 16;
+    render();
+    CHECK(excluded().empty());
+    tear(pictures[5]);
+    const auto found = excluded();
+    REQUIRE(found.size() == 1);
+    CHECK_THAT(found.at(5), Contains("its rows do not fit"));
+  }
+  SECTION("pictures too small to tell") {
+    height = width = 2;
+    render();
+    CHECK(excluded().empty());
+  }
 }

@@ -8,8 +8,10 @@
 #include "core/error.h"
 #include "core/image_file.h"
 #include "core/light_list.h"
+#include "core/sphere.h"
 #include "db/check/damaged.h"
 #include "db/check/misplaced.h"
+#include "db/check/swapped.h"
 #include "db/check/thumbnail.h"
 #include "db/importers.h"
 #include "db/load/light_image.h"
@@ -55,10 +57,17 @@ struct Looked {
 
   std::vector<std::string> damaged() const {
     std::vector<std::string> found;
+    std::vector<core::Image> pictures;
+    for (const db::DamageFeatures& f : features) pictures.push_back(f.shape);
+    for (const db::Damage& black : db::find_black(directions, pictures, damage_mask.shape))
+      found.push_back(names[black.index]);
     for (const db::Damage& damage : db::find_damaged(directions, features, damage_mask)) {
       found.push_back(names[damage.index]);
     }
     return found;
+  }
+  std::vector<std::pair<std::size_t, std::size_t>> swapped() const {
+    return db::find_swapped(directions, shapes, shape_mask);
   }
   std::vector<db::Misplaced> misplaced() const { return db::find_misplaced(directions, shapes, shape_mask); }
 };
@@ -75,6 +84,19 @@ void check_swaps(Looked set, std::size_t count) {
     for (const db::Misplaced& misplaced : set.misplaced()) found.push_back(misplaced.index);
     INFO(set.names[a] << " and " << set.names[b] << " were swapped");
     CHECK(found == std::vector<std::size_t>{std::min(a, b), std::max(a, b)});
+    std::swap(set.shapes[a], set.shapes[b]);
+  }
+}
+
+// Swaps neighbours, one pair at a time; every one must be found, and nothing else.
+void check_neighbours_swapped(Looked set, std::size_t count) {
+  for (std::size_t i = 0; i < count; ++i) {
+    const std::size_t a = i * set.names.size() / count;
+    const std::size_t b = core::nearest_indices(set.directions, set.directions[a], 2).back();
+    std::swap(set.shapes[a], set.shapes[b]);
+    INFO(set.names[a] << " and " << set.names[b] << " were swapped");
+    const std::vector<std::pair<std::size_t, std::size_t>> expected{std::minmax(a, b)};
+    CHECK(set.swapped() == expected);
     std::swap(set.shapes[a], set.shapes[b]);
   }
 }
@@ -102,7 +124,9 @@ TEST_CASE("nothing of the sound real sets is set aside or accused, and every swa
     const Looked looked(set);
     CHECK(looked.damaged() == kNone);
     CHECK(looked.misplaced().empty());
+    CHECK(looked.swapped().empty());
     check_swaps(looked, 10);
+    check_neighbours_swapped(looked, 20);
   }
 }
 
