@@ -63,7 +63,7 @@ core::Nanoseconds whole_units(core::Nanoseconds exposure) {
 capture::Sequence board_sequence(const CaptureRequest& request, std::size_t lights) {
   constexpr core::Nanoseconds kTimeToMove = 2 * core::kSecond;
   core::Nanoseconds exposure = capture::default_full_on_exposure(20 * core::kMillisecond, lights);
-  if (request.exposure_ms) exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
+  if (!request.exposure_ms.empty()) exposure = core::from_units(request.exposure_ms.front(), core::kMillisecond);
   if (!request.simulate) exposure = whole_units(exposure);
   capture::Sequence sequence;
   sequence.settle = kTimeToMove;
