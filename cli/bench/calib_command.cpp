@@ -175,7 +175,7 @@ void add_bench_calib(CLI::App& bench, Context& context) {
                    "Also on photographs: a folder with psbox_two_mirror_balls and diligent_ball16, or one of them")
       ->check(CLI::ExistingDirectory);
   command->add_flag("--no-frontier", options->no_frontier,
-                    "Only how good it is, in a tenth of the time: no time against error of every knob");
+                    "Only how good it is, and not time against error of every knob");
   command->add_option("--out", options->out, "Also write the tables, and a plot of the frontier, into this folder");
   command->footer("Example:\n  lightstage bench calib --json");
   command->callback([options, &context] { run(*options, context); });

@@ -207,8 +207,9 @@ std::string frontier_plot(const std::vector<CalibRow>& lights, const std::vector
   }
   PlotPanel rigs{"cameras from boards", {"seconds for all views", true}, {"undistorted, px (rms)", true}, {}};
   for (const BoardBenchRow& row : boards) {
-    add_point(rigs, row.corners + " " + row.distortion, false,
-              {row.seconds, row.undistorted_px, counted(row.views, "view")});
+    const bool usual_terms = row.distortion == boards.front().distortion;
+    add_point(rigs, row.corners + (usual_terms ? "" : ", other distortion"), false,
+              {row.seconds, row.undistorted_px, counted(row.views, "view") + ", " + row.distortion});
   }
   return svg_plots({methods, sizes, views, places, merged, rigs}, 2);
 }
