@@ -68,7 +68,10 @@ std::vector<CalibRow> light_frontier(const Options& options) {
   };
   const BallStage stage(stage_of(options, options.ball_px, 1));
   for (const CalibKnobs& k : knobs) add(stage, k);
+  constexpr int kSmallestBallPx =
+      30;  // below, the little that the pictures show around the ball is not enough for its outline
   for (const int ball_px : {options.ball_px / 4, options.ball_px / 2}) {
+    if (ball_px < kSmallestBallPx) continue;
     const BallStage smaller(stage_of(options, ball_px, 1));
     for (const SpotMethod method : kSpotMethods) add(smaller, {.method = method});
   }
