@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
+#include <set>
 
 #include "calib/ball/cone.h"
 #include "calib/mirror_ball.h"
@@ -64,13 +66,13 @@ struct OutlineCost {
   }
 };
 
-struct RadiusCost {
-  StageRadius radius;
+struct DistanceCost {
+  LightDistance known;
   template <class T>
   bool operator()(const T* light, T* residual) const {
     using std::sqrt;
     residual[0] =
-        (sqrt(light[0] * light[0] + light[1] * light[1] + light[2] * light[2]) - radius.metres) / radius.sigma_m;
+        (sqrt(light[0] * light[0] + light[1] * light[1] + light[2] * light[2]) - known.metres) / known.sigma_m;
     return true;
   }
 };
@@ -96,6 +98,7 @@ OutlineCost outline_cost(const core::CameraModel& camera, const Sphere& sphere) 
 struct Light {
   int index = 0;
   std::vector<const HighlightSeen*> seen;
+  std::optional<LightDistance> distance;
   Block position{};
   bool placed = true;
   std::string reason;
@@ -143,7 +146,11 @@ class Bundle {
       lights[seen.light_index].index = seen.light_index;
       lights[seen.light_index].seen.push_back(&seen);
     }
-    for (auto& [index, light] : lights) lights_.push_back(std::move(light));
+    for (auto& [index, light] : lights) {
+      const auto known = input.distances.find(index);
+      if (known != input.distances.end()) light.distance = known->second;
+      lights_.push_back(std::move(light));
+    }
     for (Light& light : lights_) start(light);
   }
 
@@ -153,8 +160,9 @@ class Bundle {
     constexpr int kRounds = 4;
     for (int round = 0; round < kRounds && leave_out_outliers(); ++round) minimise(round + 1 < kRounds);
     minimise(false);
-    // Once more with the standard errors that the residuals show.
-    if (scale_errors()) minimise(false);
+    // Again with the standard errors that the residuals show; how many of these are redundant depends on them a little.
+    constexpr int kScalings = 2;
+    for (int i = 0; i < kScalings && scale_errors(); ++i) minimise(false);
     return result();
   }
 
@@ -171,8 +179,11 @@ class Bundle {
         throw core::BadInput("bundle adjustment: a highlight names no camera, or its standard error is not positive");
       }
     }
-    if (input_.stage_radius && !(input_.stage_radius->metres > 0 && input_.stage_radius->sigma_m > 0)) {
-      throw core::BadInput("bundle adjustment: the stage's radius and its standard error must be positive");
+    for (const auto& [light, distance] : input_.distances) {
+      if (!(distance.metres > 0 && distance.sigma_m > 0)) {
+        throw core::BadInput("bundle adjustment: the distance of light " + std::to_string(light) +
+                             " and its standard error must be positive");
+      }
     }
   }
 
@@ -187,25 +198,23 @@ class Bundle {
       light.reason = "a highlight lies on the ball's rim";
       return;
     }
-    if (rays.size() == 1 && !input_.stage_radius) {
+    if (rays.size() == 1 && !light.distance) {
       light.placed = false;
       light.reason = "seen only once: its distance needs a second ball or camera, or the stage's radius";
       return;
     }
     std::optional<Vec3> at = rays.size() > 1 ? meeting_point(rays) : std::nullopt;
     constexpr double kUsualDistance = 1.5;
-    const double distance = input_.stage_radius ? input_.stage_radius->metres : kUsualDistance;
-    if (!at || (input_.stage_radius && std::abs(norm(*at) - distance) > 0.5 * distance)) {
+    const double distance = light.distance ? light.distance->metres : kUsualDistance;
+    if (!at || (light.distance && std::abs(norm(*at) - distance) > 0.5 * distance)) {
       at = rays.front().origin + rays.front().direction * distance;
     }
     light.position = block(*at);
   }
 
-  ceres::ResidualBlockId add_highlight(ceres::Problem& problem, const HighlightSeen& seen, Light& light,
-                                       ceres::LossFunction* loss) {
-    auto* cost = new ceres::NumericDiffCostFunction<HighlightCost, ceres::CENTRAL, 2, 3, 3>(new HighlightCost{
+  std::unique_ptr<ceres::CostFunction> highlight_cost(const HighlightSeen& seen) const {
+    return std::make_unique<ceres::NumericDiffCostFunction<HighlightCost, ceres::CENTRAL, 2, 3, 3>>(new HighlightCost{
         &input_.cameras[seen.camera], balls_[seen.ball].radius_m, seen.position, scale_ * seen.sigma_px});
-    return problem.AddResidualBlock(cost, loss, light.position.data(), centres_[seen.ball].data());
   }
 
   // The problem owns what is given to it.
@@ -218,12 +227,13 @@ class Bundle {
     for (Light& light : lights_) {
       if (!light.placed) continue;
       for (const HighlightSeen* seen : light.seen) {
-        add_highlight(problem, *seen, light, robust ? new ceres::CauchyLoss(kCauchySigmas) : nullptr);
+        problem.AddResidualBlock(highlight_cost(*seen).release(),
+                                 robust ? new ceres::CauchyLoss(kCauchySigmas) : nullptr, light.position.data(),
+                                 centres_[seen->ball].data());
       }
-      if (input_.stage_radius) {
-        problem.AddResidualBlock(
-            new ceres::AutoDiffCostFunction<RadiusCost, 1, 3>(new RadiusCost{*input_.stage_radius}), nullptr,
-            light.position.data());
+      if (light.distance) {
+        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<DistanceCost, 1, 3>(new DistanceCost{*light.distance}),
+                                 nullptr, light.position.data());
       }
     }
   }
@@ -259,8 +269,9 @@ class Bundle {
       const double off = misfit(light, **worst);
       if (!(off > kOutlierSigmas)) continue;
       changed = true;
-      const std::string where =
-          "camera " + std::to_string((*worst)->camera) + ", ball " + std::to_string((*worst)->ball);
+      const std::string where = !(*worst)->where.empty() ? (*worst)->where
+                                                         : "camera " + std::to_string((*worst)->camera) + ", ball " +
+                                                               std::to_string((*worst)->ball);
       const std::string by = core::number_text(off * (*worst)->sigma_px, 2) + " px";
       if (light.seen.size() > 2) {
         light.reason += (light.reason.empty() ? "without " : "; ") + where + ": its highlight is off by " + by;
@@ -268,25 +279,70 @@ class Bundle {
       } else {
         light.placed = false;
         light.reason = light.seen.size() == 2 ? "its highlights contradict each other by " + by
-                                              : "its highlight contradicts the stage's radius by " + by;
+                                              : "its highlight contradicts the distance given by " + by;
       }
     }
     return changed;
   }
 
-  // What the highlights are off by over what they claim; false when there are too few of them to tell.
-  bool scale_errors() {
-    constexpr int kLeastFreedom = 12;
-    double square = 0;
-    int freedom = 0;
+  // How many of the highlights' coordinates are redundant: their number less the trace of their part of the hat matrix, so that what distances
+  // and outlines add to the fit is not counted as theirs. Nothing where the fit does not determine all lights.
+  std::optional<double> redundancy() {
+    ceres::Problem problem;
+    build(problem, false);
+    std::vector<std::pair<const double*, const double*>> wanted;
+    for (const Block& centre : centres_) wanted.emplace_back(centre.data(), centre.data());
     for (const Light& light : lights_) {
       if (!light.placed) continue;
-      freedom += 2 * static_cast<int>(light.seen.size()) - 3 + (input_.stage_radius ? 1 : 0);
+      wanted.emplace_back(light.position.data(), light.position.data());
+      std::set<std::size_t> balls;
+      for (const HighlightSeen* seen : light.seen) balls.insert(seen->ball);
+      for (const std::size_t ball : balls) wanted.emplace_back(light.position.data(), centres_[ball].data());
+    }
+    ceres::Covariance::Options options;
+    options.num_threads = 1;
+    ceres::Covariance covariance(options);
+    if (!covariance.Compute(wanted, &problem)) return std::nullopt;
+    using Matrix3 = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    using Matrix23 = Eigen::Matrix<double, 2, 3, Eigen::RowMajor>;
+    const auto block_of = [&](const Block& a, const Block& b) {
+      Matrix3 block;
+      covariance.GetCovarianceBlock(a.data(), b.data(), block.data());
+      return block;
+    };
+    double sum = 0;
+    for (const Light& light : lights_) {
+      if (!light.placed) continue;
+      for (const HighlightSeen* seen : light.seen) {
+        const Block& centre = centres_[seen->ball];
+        const std::unique_ptr<ceres::CostFunction> cost = highlight_cost(*seen);
+        const double* parameters[]{light.position.data(), centre.data()};
+        Matrix23 by_light, by_ball;
+        double* jacobians[]{by_light.data(), by_ball.data()};
+        double residuals[2];
+        if (!cost->Evaluate(parameters, residuals, jacobians)) return std::nullopt;
+        const double both = (by_light * block_of(light.position, centre) * by_ball.transpose()).trace();
+        sum += 2 - (by_light * block_of(light.position, light.position) * by_light.transpose()).trace() - 2 * both -
+               (by_ball * block_of(centre, centre) * by_ball.transpose()).trace();
+      }
+    }
+    return sum;
+  }
+
+  // What the highlights are off by over what they claim (variance component estimation, Foerstner 1979, one component); false when there are
+  // too few of them to tell.
+  bool scale_errors() {
+    constexpr double kLeastRedundancy = 10;
+    if (std::none_of(lights_.begin(), lights_.end(), [](const Light& light) { return light.placed; })) return false;
+    const std::optional<double> redundant = redundancy();
+    if (!redundant || *redundant < kLeastRedundancy) return false;
+    double square = 0;
+    for (const Light& light : lights_) {
+      if (!light.placed) continue;
       for (const HighlightSeen* seen : light.seen) square += std::pow(misfit(light, *seen), 2);
     }
-    // A stage's radius takes up a single highlight's freedom.
-    if (freedom < kLeastFreedom || (balls_.size() == 1 && input_.cameras.size() == 1)) return false;
-    scale_ = std::max(1e-3, std::sqrt(square / freedom));
+    // Never lowered: what all views have wrong alike, they agree on.
+    scale_ = std::max(1.0, std::sqrt(square / *redundant));
     return true;
   }
 

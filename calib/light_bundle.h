@@ -1,6 +1,7 @@
 // Positions of near lights from their highlights on several balls or in several cameras, by bundle adjustment.
 #pragma once
 
+#include <map>
 #include <optional>
 #include <span>
 #include <string>
@@ -23,6 +24,7 @@ struct HighlightSeen {
   std::size_t camera = 0, ball = 0;  // into BundleInput
   core::Pixel position;
   double sigma_px = 0;  // of each coordinate
+  std::string where;    // what reasons call it; "camera 0, ball 1" when empty
 };
 
 // A ball as one camera alone sees it (locate_sphere).
@@ -31,16 +33,17 @@ struct OutlineSeen {
   Sphere sphere;
 };
 
-struct StageRadius {
+// What is known beforehand of a light's distance from stage centre.
+struct LightDistance {
   double metres = 0;
-  double sigma_m = 0;  // how far single lights are off it
+  double sigma_m = 0;
 };
 
 struct BundleInput {
   std::vector<core::CameraModel> cameras;  // taken as exact
   std::vector<OutlineSeen> outlines;       // at least one a ball; a ball's radius is exact
   std::vector<HighlightSeen> highlights;
-  std::optional<StageRadius> stage_radius;  // prior on every light's distance from stage centre
+  std::map<int, LightDistance> distances;  // by light index; those that are not named are not known
 };
 
 struct BundledLight {
@@ -63,11 +66,12 @@ struct BundleResult {
 };
 
 // Least squares over all lights' positions and all balls' centres of what is seen in the pictures: highlights against predict_highlight,
-// outlines against each ball's cone of tangent rays, each over its standard error, and the stage's radius where given (Ceres Solver;
+// outlines against each ball's cone of tangent rays, each over its standard error, and distances where given (Ceres Solver;
 // Levenberg-Marquardt, sparse Schur complement). First with a Cauchy loss; then highlights further off than five standard errors are left
-// out (lights seen more than twice) or the light is not placed, and the rest solved again without it. With at least 12 residuals more than unknowns the highlights' standard errors are then scaled
-// to what their residuals show (variance of unit weight), and all is solved once more. Covariances by inversion of the
-// normal equations at the solution. Lights seen once need the stage's radius, and are not placed without. The same for every
+// out (lights seen more than twice) or the light is not placed, and the rest solved again without it. Where at least 10 of the highlights' coordinates
+// are redundant, their standard errors are then raised, never lowered, to what their residuals show (variance component estimation, Foerstner 1979), and all is
+// solved again. Covariances by inversion of the
+// normal equations at the solution. Lights seen once need a distance, and are not placed without. The same for every
 // thread count. Cost: about 2 ms a light and highlight. Throws BadInput for indices out of range, errors that are not positive, or a ball
 // without an outline.
 BundleResult bundle_lights(const BundleInput& input);

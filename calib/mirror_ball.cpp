@@ -119,6 +119,10 @@ LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel
     estimate.reason = "double: two highlights of like strength on the ball";
     return estimate;
   }
+  if (highlight->parted) {
+    estimate.reason = "double: two highlights that touch on the ball";
+    return estimate;
+  }
   if (cut_by_border(*highlight, camera)) {
     estimate.reason = "the highlight is cut by the picture's border";
     return estimate;

@@ -19,6 +19,7 @@ struct Highlight {
   double sigma_px = 0;   // standard error of the position
   bool clipped = false;  // the peak is at the sensor's limit
   double rival = 0;      // light in the next strongest spot on the ball over that in this one
+  bool parted = false;   // it is two spots that touch
 };
 
 // The brightest compact spot on the ball, to a few hundredths of a pixel. Of the connected pixels that stand above the ball around
@@ -63,7 +64,7 @@ struct BallPicture {
 // Follows the reflected ray to the sphere of radius `stage_radius_m` about the stage centre, since a light at finite distance lies in
 // another direction from the ball's surface than from the centre. Its sigma comes from moving highlight and ball by their
 // standard errors: towards the rim the direction turns ever faster, so that lights nearly behind the ball are the least certain.
-// Not placed are lights without a highlight (dead, hidden, behind the ball), with two of like strength (kDoubleShare), with one cut by the
+// Not placed are lights without a highlight (dead, hidden, behind the ball), with two of like strength (kDoubleShare) or two that touch, with one cut by the
 // picture's border, on a ball that is clipped for the most part, and beyond largest_sigma_degrees; `reason` says which. Throws BadInput when the ball is not
 // inside that sphere, and as find_highlight.
 LightEstimate estimate_light(const BallPicture& picture, const core::CameraModel& camera, const Sphere& ball,

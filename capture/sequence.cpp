@@ -85,20 +85,32 @@ Sequence make_olat_sequence(const OlatOptions& options) {
   if (!good_exposure(options.exposure) || !good_exposure(options.full_on_exposure.value_or(1))) {
     throw core::UsageError("exposures must be above 0 and at most one hour");
   }
+  std::vector<core::Nanoseconds> exposures{options.exposure};
+  for (const core::Nanoseconds exposure : options.further_exposures) {
+    if (!good_exposure(exposure)) throw core::UsageError("exposures must be above 0 and at most one hour");
+    if (std::find(exposures.begin(), exposures.end(), exposure) != exposures.end()) {
+      throw core::UsageError("an exposure of the lights is given twice");
+    }
+    exposures.push_back(exposure);
+  }
   const core::Nanoseconds full_on_exposure =
       options.full_on_exposure.value_or(default_full_on_exposure(options.exposure, options.light_count));
 
   Sequence sequence;
   // In units of radiance a frame's noise falls with its exposure, and the dark level is taken off every other frame.
-  const core::Nanoseconds dark_exposure = std::max(options.exposure, full_on_exposure);
-  for (int i = 0; i < options.dark_frames; ++i) append(sequence, db::StepKind::kDark, dark_exposure);
+  std::vector<core::Nanoseconds> dark_exposures = exposures;
+  const auto longest = std::max_element(dark_exposures.begin(), dark_exposures.end());
+  *longest = std::max(*longest, full_on_exposure);
+  for (const core::Nanoseconds exposure : dark_exposures) {
+    for (int i = 0; i < options.dark_frames; ++i) append(sequence, db::StepKind::kDark, exposure);
+  }
   if (options.full_on) append(sequence, db::StepKind::kFullOn, full_on_exposure);
   const int light_count = static_cast<int>(options.light_count);
   for (int light = 0; light < light_count; ++light) {
     if (options.tracking_every > 0 && light % options.tracking_every == 0) {
       append(sequence, db::StepKind::kTracking, full_on_exposure);
     }
-    append(sequence, db::StepKind::kLight, options.exposure, light);
+    for (const core::Nanoseconds exposure : exposures) append(sequence, db::StepKind::kLight, exposure, light);
   }
   if (options.tracking_every > 0) append(sequence, db::StepKind::kTracking, full_on_exposure);
   return sequence;

@@ -48,9 +48,11 @@ struct Sequence {
 struct OlatOptions {
   std::size_t light_count = 0;
   int tracking_every = 10;  // a tracking frame before every n-th light and one at the end; 0 for none
-  int dark_frames = 3;      // at the start, as long as the longest of the others
-  bool full_on = true;      // one full-on frame after the dark ones
+  int dark_frames = 3;  // at the start, as long as the longest of the others; of a bracket as many for each exposure
+  bool full_on = true;  // one full-on frame after the dark ones
   core::Nanoseconds exposure = 20 * core::kMillisecond;  // of the single lights
+  // A bracket: every light is taken again with each of these, right after `exposure`, and loading merges them (db/scan_loader.h).
+  std::vector<core::Nanoseconds> further_exposures;
   // Of full-on and tracking frames; if not given, default_full_on_exposure.
   std::optional<core::Nanoseconds> full_on_exposure;
 };
@@ -61,7 +63,7 @@ struct OlatOptions {
 core::Nanoseconds default_full_on_exposure(core::Nanoseconds exposure, std::size_t light_count);
 
 // Dark frames, a full-on frame, then every light once in the order of its index, with tracking frames between
-// and at both ends. Throws UsageError for no lights, negative counts, or exposures not within (0, one hour].
+// and at both ends. Throws UsageError for no lights, negative counts, exposures not within (0, one hour], or one given twice.
 Sequence make_olat_sequence(const OlatOptions& options);
 
 // What the step lights: nothing, one light, all of them, or the step's own pattern. Throws BadInput naming

@@ -73,6 +73,8 @@ Stage stage_from_lp(const std::filesystem::path& lp, const LayoutOptions& option
 Stage read_stage(const std::filesystem::path& path);
 Stage parse_stage(std::string_view toml, const std::string& source_name);
 std::string to_toml(const Stage& stage);
+// Its [[camera]] entry alone.
+std::string to_toml(const StageCamera& camera);
 
 // Letters, digits, '-', '_' and '.', not starting with '.': for stages and cameras, because both name things
 // in the store.

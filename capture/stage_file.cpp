@@ -36,24 +36,6 @@ void require_writable_name(const std::string& name) {
   }
 }
 
-void append_camera(std::string& text, const StageCamera& camera) {
-  const core::CameraModel& m = camera.model;
-  const core::Mat3& rotation = m.stage_from_camera.rotation;
-  text += "\n[[camera]]\n";
-  text += "name = \"" + camera.name + "\"\n";
-  text += "width_pixels = " + std::to_string(m.width) + "\n";
-  text += "height_pixels = " + std::to_string(m.height) + "\n";
-  text += "focal_length_pixels = " + list({m.fx, m.fy}) + "\n";
-  text += "principal_point_pixels = " + list({m.cx, m.cy}) + "\n";
-  text += "radial_distortion = " + list({m.k1, m.k2, m.k3}) + "\n";
-  text += "tangential_distortion = " + list({m.p1, m.p2}) + "\n";
-  text += "position_m = " + list(m.centre()) + "\n";
-  text += "right = " + list(column(rotation, &core::Vec3::x)) + "\n";
-  text += "down = " + list(column(rotation, &core::Vec3::y)) + "\n";
-  text += "forward = " + list(column(rotation, &core::Vec3::z)) + "\n";
-  text += "responsivity_per_s = " + toml_number(camera.responsivity) + "\n";
-}
-
 void append_simulation(std::string& text, const StageSimulation& simulation) {
   text +=
       "\n# How the simulated stage differs from the drawing; no other program part reads "
@@ -185,9 +167,28 @@ Stage read_table(const core::TomlTable& table) {
 
 }  // namespace
 
+std::string to_toml(const StageCamera& camera) {
+  require_writable_name(camera.name);
+  const core::CameraModel& m = camera.model;
+  const core::Mat3& rotation = m.stage_from_camera.rotation;
+  std::string text = "\n[[camera]]\n";
+  text += "name = \"" + camera.name + "\"\n";
+  text += "width_pixels = " + std::to_string(m.width) + "\n";
+  text += "height_pixels = " + std::to_string(m.height) + "\n";
+  text += "focal_length_pixels = " + list({m.fx, m.fy}) + "\n";
+  text += "principal_point_pixels = " + list({m.cx, m.cy}) + "\n";
+  text += "radial_distortion = " + list({m.k1, m.k2, m.k3}) + "\n";
+  text += "tangential_distortion = " + list({m.p1, m.p2}) + "\n";
+  text += "position_m = " + list(m.centre()) + "\n";
+  text += "right = " + list(column(rotation, &core::Vec3::x)) + "\n";
+  text += "down = " + list(column(rotation, &core::Vec3::y)) + "\n";
+  text += "forward = " + list(column(rotation, &core::Vec3::z)) + "\n";
+  text += "responsivity_per_s = " + toml_number(camera.responsivity) + "\n";
+  return text;
+}
+
 std::string to_toml(const Stage& stage) {
   require_writable_name(stage.name);
-  for (const StageCamera& camera : stage.cameras) require_writable_name(camera.name);
   std::string text =
       "# A light stage as drawn. Stage frame: right-handed, metres, origin at stage centre, x right, y up,\n"
       "# z towards the primary (first) camera. Camera axes (right, down, forward) are unit vectors in that "
@@ -196,7 +197,7 @@ std::string to_toml(const Stage& stage) {
   text += "radius_m = " + toml_number(stage.radius_m) + "\n";
   text += controllers_and_lines_toml(stage.hardware);
   for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
-    append_camera(text, stage.cameras[i]);
+    text += to_toml(stage.cameras[i]);
     if (!stage.hardware.cameras.empty()) text += device_toml(stage.hardware.cameras.at(i));
   }
   append_simulation(text, stage.simulation);

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "cli/bench/align_command.h"
+#include "cli/bench/calib_command.h"
 #include "cli/bench/relight_command.h"
 #include "cli/commands.h"
 #include "cli/format.h"
@@ -170,9 +171,9 @@ void add_bench_capture(CLI::App& bench, Context& context) {
 }  // namespace
 
 void add_bench(CLI::App& program, Context& context) {
-  CLI::App* command = program.add_subcommand(
-      "bench",
-      "Measure the network's engine on this machine, relighting by plan, alignment, or the timing modes of capture");
+  CLI::App* command = program.add_subcommand("bench",
+                                             "Measure the network's engine on this machine, relighting by plan, "
+                                             "calibration, alignment, or the timing modes of capture");
   command->require_subcommand(1);
   command->footer("Example:\n  lightstage bench model --size 512");
   const auto options = std::make_shared<Options>();
@@ -190,6 +191,7 @@ void add_bench(CLI::App& program, Context& context) {
   network->callback([options, &context] { run_bench_model(*options, context); });
   add_bench_capture(*command, context);
   add_bench_align(*command, context);
+  add_bench_calib(*command, context);
   add_bench_relight(*command, context);
 }
 

@@ -1,12 +1,18 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include "cli/calibrate_cameras.h"
+#include "cli/calibrate_colour.h"
+#include "cli/calibrate_flat.h"
 #include "cli/calibrate_lights.h"
+#include "cli/calibrate_linearity.h"
+#include "cli/calibrate_response.h"
 #include "cli/calibrate_verify.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/jobs/calibrate.h"
 #include "cli/options.h"
+#include "cli/report/light_files.h"
 #include "core/error.h"
 #include "core/light_list.h"
 
@@ -18,8 +24,26 @@ struct Options {
   CalibrateOptions job;
   double ball_radius_mm = 60, grey_radius_mm = 60;
   std::string grey;
-  std::filesystem::path lp;
+  std::filesystem::path lp, out;
 };
+
+nlohmann::ordered_json xyz(core::Vec3 v) {
+  return nlohmann::ordered_json::array({v.x, v.y, v.z});
+}
+
+nlohmann::ordered_json placed_light(const db::CalibratedLight& light, const PlacedLight& seen,
+                                    const CalibrateReport& report) {
+  const auto gain_sigma = report.gain_sigma.find(light.light_index);
+  return {{"light", light.light_index},
+          {"direction", xyz(light.light.direction.vec())},
+          {"sigma_deg", light.sigma_degrees},
+          {"position", xyz(*light.light.position)},
+          {"sigma_m", seen.sigma_m},
+          {"gain", light.light.gain},
+          {"gain_sigma", gain_sigma == report.gain_sigma.end() ? nlohmann::ordered_json(nullptr)
+                                                               : nlohmann::ordered_json(gain_sigma->second)},
+          {"reason", light.reason}};
+}
 
 void run_calibrate(Options options, Context& context) {
   options.job.mirror_radius_m = options.ball_radius_mm / 1000;
@@ -28,13 +52,17 @@ void run_calibrate(Options options, Context& context) {
   db::Store store = context.open_store();
   const CalibrateReport report = calibrate(store, options.job);
 
-  nlohmann::ordered_json unplaced = nlohmann::ordered_json::array();
+  const LightsReport& joined = report.joined;
+  nlohmann::ordered_json unplaced = nlohmann::ordered_json::array(), placed = unplaced;
   std::vector<core::LpEntry> entries;
-  std::string text = "placed " + std::to_string(report.placed) + " of " + std::to_string(report.lights.size()) +
-                     " lights; median standard error " + fixed(report.median_sigma_degrees, 3) + " degrees\n";
-  for (const db::CalibratedLight& light : report.lights) {
+  std::string text = "placed " + std::to_string(joined.used) + " of " + std::to_string(report.lights.size()) +
+                     " lights; median standard error " + fixed(joined.median_sigma_degrees, 3) + " degrees, " +
+                     fixed(1000 * joined.median_sigma_m, 1) + " mm\n";
+  for (std::size_t i = 0; i < report.lights.size(); ++i) {
+    const db::CalibratedLight& light = report.lights[i];
     if (light.placed) {
-      entries.push_back({"light_" + std::to_string(light.light_index), light.light.direction});
+      entries.push_back({report.sources.names[i], light.light.direction});
+      placed.push_back(placed_light(light, joined.lights[i], report));
     } else {
       text += "  light " + std::to_string(light.light_index) + " not placed: " + light.reason + "\n";
       unplaced.push_back({{"light", light.light_index}, {"reason", light.reason}});
@@ -49,21 +77,29 @@ void run_calibrate(Options options, Context& context) {
     core::write_lp(options.lp, entries);
     text += "wrote " + options.lp.string() + "\n";
   }
+  if (!options.out.empty()) {
+    write_light_files(options.out, report.sources, joined);
+    text += "wrote lights.lp, lights.dome, lights.csv and lights.png to " + options.out.string() + "\n";
+  }
   context.result(text, {{"lights", report.lights.size()},
-                        {"placed", report.placed},
-                        {"median_sigma_deg", report.median_sigma_degrees},
+                        {"placed", joined.used},
+                        {"median_sigma_deg", joined.median_sigma_degrees},
+                        {"median_sigma_m", joined.median_sigma_m},
+                        {"rms_px", or_null(joined.rms_px)},
                         {"gains_measured", report.gains_measured},
                         {"gains_from", or_null(report.gains_from)},
-                        {"not_placed", unplaced}});
+                        {"not_placed", unplaced},
+                        {"placed_lights", placed}});
 }
 
 }  // namespace
 
 void add_calibrate(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("calibrate", "Light directions and gains of a stage, from ball passes");
-  command->footer("Example:\n  lightstage calibrate ball --grey grey --lp calibrated.lp");
+  command->footer("Example:\n  lightstage calibrate ball ball_aside --grey grey --out lights");
   auto options = std::make_shared<Options>();
-  command->add_option("SCAN", options->job.mirror_balls, "Mirror-ball passes, one or more");
+  command->add_option("SCAN", options->job.mirror_balls,
+                      "Mirror-ball passes, one or more; with the ball in several places lights have positions too");
   command->add_option("--grey", options->grey, "Grey-ball pass, for the lights' brightness and colour");
   command->add_option("--ball-radius", options->ball_radius_mm, "Radius of the mirror ball, millimetres")
       ->capture_default_str()
@@ -76,6 +112,7 @@ void add_calibrate(CLI::App& program, Context& context) {
       ->check(number_between(0.01, 1.0));
   command->add_option("--name", options->job.name, "Name of the calibration");
   command->add_option("--lp", options->lp, "Also write the directions as an RTI .lp file");
+  command->add_option("--out", options->out, "Folder for lights.lp, lights.dome, lights.csv and lights.png");
   command->callback([command, options, &context] {
     if (!command->get_subcommands().empty()) return;
     if (options->job.mirror_balls.empty())
@@ -84,6 +121,12 @@ void add_calibrate(CLI::App& program, Context& context) {
   });
   add_calibrate_lights(*command, context);
   add_calibrate_verify(*command, context);
+  add_calibrate_cameras(*command, context);
+  add_calibrate_board(*command, context);
+  add_calibrate_flat(*command, context);
+  add_calibrate_colour(*command, context);
+  add_calibrate_linearity(*command, context);
+  add_calibrate_response(*command, context);
 }
 
 }  // namespace lightstage::cli

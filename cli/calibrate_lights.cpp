@@ -89,7 +89,14 @@ void run_lights(const Options& options, const Context& context) {
     text += "bundle adjustment leaves " + fixed(*report.rms_px, 3) + " px of the highlights\n";
   }
   if (!options.out.empty()) {
-    write_light_files(options.out, pictures, report);
+    write_light_files(
+        options.out,
+        {.names = pictures.names,
+         .views = {pictures.views.begin(), pictures.views.end()},
+         .stage_radius_m = pictures.stage_radius_m,
+         .picture = [&](std::size_t view,
+                        std::size_t light) { return load_picture(pictures, pictures.views[view], light); }},
+        report);
     object["folder"] = options.out.string();
     text += "wrote lights.lp, lights.dome, lights.csv and lights.png to " + options.out.string() + "\n";
   }

@@ -240,6 +240,11 @@ std::vector<CLI::Option*> add_simulation_options(CLI::App& command, CaptureReque
           ->capture_default_str()
           ->check(number_between(5.0, 500.0)),
       command.add_option("--yaw", request.yaw_degrees, "Turn the subject, degrees")->capture_default_str(),
+      command.add_option("--at", request.at, "Where the subject stands: x,y,z in metres from stage centre")
+          ->delimiter(',')
+          ->expected(3)
+          ->capture_default_str()
+          ->check(number_between(-100.0, 100.0)),
       command.add_option("--size", request.size, "Picture width and height, pixels [the stage file's]")
           ->check(CLI::Range(16, 16384)),
       command.add_flag("--no-noise", request.no_noise, "A sensor without noise and quantisation"),
@@ -269,6 +274,7 @@ void add_capture(CLI::App& program, Context& context) {
       "Examples:\n"
       "  lightstage capture --stage stage.toml --dry-run        (how fast the devices go, in each timing mode)\n"
       "  lightstage capture --stage stage.toml --name head --preview live.png\n"
+      "  lightstage capture --stage stage.toml --name shiny --exposure 5 --exposure 20 --exposure 80\n"
       "  lightstage capture --stage stage.toml --mirror-ball --name ball\n"
       "  lightstage capture --sim --procedural 7 --stage stage.toml --size 256 --name head\n"
       "  lightstage capture --resume --name head                (after an interruption)\n"
@@ -281,13 +287,24 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_option("--sequence", request.sequence_file, "Sequence file; default: every light once");
   command->add_flag("--mirror-ball", request.mirror_ball, "On the stage stands a mirror ball, for `calibrate`");
   command->add_flag("--grey-ball", request.grey_ball, "On the stage stands a grey ball, for `calibrate --grey`");
-  command->add_flag("--chessboard", request.chessboard, "On the stage stands a chessboard");
+  command->add_flag("--chessboard", request.chessboard,
+                    "A chessboard is moved about on the stage, for `calibrate cameras`");
+  command
+      ->add_option("--views", request.board_views,
+                   "Frames of the chessboard, all lights on; --settle (2 s here) is the time to move it")
+      ->capture_default_str()
+      ->check(CLI::Range(1, 1000));
+  command->add_flag("--white-card", request.white_card,
+                    "On the stage stands a white card that fills the pictures, for `calibrate flat --scan`");
   command->add_option("--tracking-every", request.tracking_every, "A tracking frame before every n-th light; 0: none")
       ->capture_default_str()
       ->check(CLI::Range(0, 100000));
   command
       ->add_option("--exposure", request.exposure_ms,
-                   "Exposure of the single lights, milliseconds [20; mirror ball 0.01, real stages 0.1]")
+                   "Exposure of the single lights, milliseconds [20; white card 10; mirror ball 0.01, real stages "
+                   "0.1]; given several times "
+                   "every light is taken with each, and they are merged when the scan is loaded (high dynamic range)")
+      ->take_all()
       ->check(number_between(0.0001, 10000.0));
   std::map<std::string, capture::Timing> timings;
   for (const capture::Timing timing : capture::kTimings) timings.emplace(to_string(timing), timing);
@@ -317,8 +334,9 @@ void add_capture(CLI::App& program, Context& context) {
   command->add_flag("--sim", request.simulate, "Capture on the simulated stage")->group("Simulated stage");
   const std::vector<CLI::Option*> simulated = add_simulation_options(*command, request);
   std::vector<CLI::Option*> new_ones = simulated;
-  for (const char* name : {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run",
-                           "--mirror-ball", "--grey-ball", "--chessboard", "--tracking-every"}) {
+  for (const char* name :
+       {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run", "--mirror-ball",
+        "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
   std::vector<CLI::Option*> not_dry;

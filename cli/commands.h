@@ -14,6 +14,7 @@ void add_stage(CLI::App& program, Context& context);
 void add_capture(CLI::App& program, Context& context);
 void add_lights_off(CLI::App& program, Context& context);
 void add_calibrate(CLI::App& program, Context& context);
+void add_merge(CLI::App& program, Context& context);
 void add_align(CLI::App& program, Context& context);
 void add_import(CLI::App& program, Context& context);
 void add_export(CLI::App& program, Context& context);

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <map>
 
 #include <CLI/CLI.hpp>
@@ -5,6 +6,7 @@
 
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "cli/report/colour_file.h"
 #include "db/importers.h"
 
 namespace lightstage::cli {
@@ -40,10 +42,18 @@ struct Options {
   std::filesystem::path path;
   std::string name;
   std::optional<core::Encoding> encoding;
+  std::filesystem::path colour;
 };
 
 void run_import(const Format& format, const Options& options, Context& context) {
-  const db::PictureSet set = format.read(options.path);
+  db::PictureSet set = format.read(options.path);
+  if (!options.colour.empty()) {
+    // Lights whose colours the set tells are divided out: what they lit is balanced already.
+    const bool balanced = std::any_of(set.pictures.begin(), set.pictures.end(), [](const db::PictureEntry& picture) {
+      return picture.intensity[0] != picture.intensity[1] || picture.intensity[1] != picture.intensity[2];
+    });
+    set.colour = whole_matrix(read_colour(options.colour), balanced);
+  }
   db::Store store = context.open_store();
   const db::ImportReport report = db::import_pictures(store, set, options.name, options.encoding);
   std::string text = "imported " + std::to_string(report.pictures) + " pictures of " +
@@ -85,6 +95,8 @@ void add_import(CLI::App& program, Context& context) {
         ->add_option("--encoding", options->encoding,
                      "linear or srgb: what the files' numbers are [what is usual for the format]")
         ->transform(one_of(encodings));
+    reader->add_option("--colour", options->colour,
+                       "colour.toml of `calibrate colour`: camera colours to linear Rec. 709, on loading");
     reader->callback([&format, options, &context] { run_import(format, *options, context); });
   }
 }

@@ -82,6 +82,7 @@ void add_all_commands(CLI::App& program, Context& context) {
   add_capture(program, context);
   add_lights_off(program, context);
   add_calibrate(program, context);
+  add_merge(program, context);
   add_align(program, context);
   add_import(program, context);
   add_export(program, context);

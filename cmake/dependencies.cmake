@@ -2,7 +2,7 @@
 include(CMakeFindDependencyMacro)
 find_dependency(Threads)
 find_dependency(TBB)
-find_dependency(OpenCV COMPONENTS core imgproc video quality optflow)
+find_dependency(OpenCV COMPONENTS core imgproc video quality optflow photo mcc calib3d aruco)
 find_dependency(Ceres)
 find_dependency(OpenImageIO)
 find_dependency(SQLiteCpp)

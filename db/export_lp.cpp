@@ -5,6 +5,7 @@
 #include "core/image_file.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
+#include "core/unfinished_folder.h"
 #include "db/scan_loader.h"
 
 namespace lightstage::db {
@@ -12,47 +13,6 @@ namespace lightstage::db {
 namespace fs = std::filesystem;
 
 namespace {
-
-void require_free(const fs::path& folder) {
-  std::error_code none;
-  if (!fs::exists(folder, none)) return;
-  if (!fs::is_directory(folder, none) || !fs::is_empty(folder, none)) {
-    throw core::UsageError(folder.string() + ": is there already and not an empty folder; choose another");
-  }
-}
-
-// A folder beside the target, which becomes the target or is removed.
-class UnfinishedFolder {
- public:
-  explicit UnfinishedFolder(fs::path target) : target_(std::move(target)), path_(target_.string() + ".unfinished") {
-    std::error_code error;
-    if (fs::exists(path_, error)) {
-      throw core::UsageError(path_.string() +
-                             ": left by an export that was interrupted, or one that is running; remove it");
-    }
-    fs::create_directories(path_, error);
-    if (error) throw core::BadInput(path_.string() + ": cannot be made: " + error.message());
-  }
-  ~UnfinishedFolder() {
-    std::error_code ignored;
-    if (!finished_) fs::remove_all(path_, ignored);
-  }
-  UnfinishedFolder(const UnfinishedFolder&) = delete;
-  UnfinishedFolder& operator=(const UnfinishedFolder&) = delete;
-
-  const fs::path& path() const { return path_; }
-  void finish() {
-    std::error_code error;
-    fs::rename(path_, target_, error);  // replaces an empty folder
-    if (error) throw core::BadInput(target_.string() + ": cannot be made: " + error.message());
-    finished_ = true;
-  }
-
- private:
-  fs::path target_;
-  fs::path path_;
-  bool finished_ = false;
-};
 
 std::string picture_name(int light_index) {
   char name[32];
@@ -64,9 +24,7 @@ std::string picture_name(int light_index) {
 
 void export_lp(const Store& store, std::string_view name, const fs::path& folder) {
   const LoadedScan loaded = load_scan(store, name);
-  const fs::path target = fs::absolute(folder / "").lexically_normal().parent_path();
-  require_free(target);
-  UnfinishedFolder unfinished(target);
+  core::UnfinishedFolder unfinished(folder);
   core::Progress progress("export " + std::string(name), loaded.scan.light_count());
   std::vector<core::LpEntry> entries;
   for (std::size_t i = 0; i < loaded.scan.light_count(); ++i) {

@@ -26,6 +26,8 @@ struct PictureSet {
   std::vector<PictureEntry> pictures;
   std::optional<std::filesystem::path> mask;     // white inside
   std::optional<std::filesystem::path> ambient;  // taken with all stage lights off
+  // Applied on loading, after the lights' strength: a row a channel of what comes out. Kept as a product of kind "colour".
+  std::optional<std::array<std::array<double, 3>, 3>> colour;
   core::Encoding encoding = core::Encoding::kAuto;
 };
 

@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <mutex>
 #include <set>
 
+#include <nlohmann/json.hpp>
+
 #include "core/error.h"
+#include "core/exposure_merge.h"
 #include "core/image_file.h"
 #include "core/progress.h"
 #include "core/text.h"
@@ -51,7 +55,7 @@ KnownLights known_lights(const Store& store, const Scan& scan, const std::vector
 // Where the images of one light's exposures are.
 struct Shot {
   ContentHash object;
-  double seconds = 0;
+  std::int64_t exposure_ns = 0;
   double saturation = 0;
 };
 
@@ -106,9 +110,7 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
     used.insert(shot);
     const auto [entry, is_new] = source_of_light.emplace(*step.light_index, sources.size());
     if (is_new) sources.push_back({*step.light_index, lights.at(*step.light_index), {}});
-    constexpr double kSecondsPerNanosecond = 1e-9;
-    sources[entry->second].shots.push_back(
-        {object, double(step.exposure_ns) * kSecondsPerNanosecond, frame->second->saturation});
+    sources[entry->second].shots.push_back({object, step.exposure_ns, frame->second->saturation});
   }
   std::erase_if(left_out, [&](const LightAtExposure& shot) { return used.contains(shot); });
   if (!left_out.empty()) {
@@ -121,19 +123,100 @@ std::vector<LightSource> light_sources(const Scan& scan, const std::map<int, cor
   return sources;
 }
 
-core::Image read_light(const ObjectFiles& objects, const LightSource& source, core::ImageView dark) {
+bool made_with(const Store& store, const Product& product, std::string_view kind) {
+  const std::vector<Product> all = store.products(kind);
+  return std::any_of(all.begin(), all.end(), [&](const Product& p) {
+    return std::find(product.input_products.begin(), product.input_products.end(), p.id) !=
+           product.input_products.end();
+  });
+}
+
+// What is taken off and divided out of the frames of one camera.
+struct Corrections {
+  std::map<std::int64_t, core::Image> dark;  // by exposure
+  core::Image flat;
+  std::optional<ColourMatrix> colour;
+  std::string place;                                                            // scan and camera, for the warning
+  std::shared_ptr<std::once_flag> warned = std::make_shared<std::once_flag>();  // of values that no exposure shows
+};
+
+void warn_of_saturation(const Corrections& corrections, int light_index, const core::MergedExposures& merged) {
+  constexpr double kWorthSaying = 1e-3;
+  const double share = double(merged.saturated_values) / double(merged.image.values().size());
+  if (share < kWorthSaying) return;
+  std::call_once(*corrections.warned, [&] {
+    core::warn(corrections.place + ": under light " + std::to_string(light_index) + " " +
+               core::number_text(100 * share, 2) +
+               " % of the values saturate in every exposure; a shorter one is needed to see how bright they are");
+  });
+}
+
+core::Image read_light(const ObjectFiles& objects, const LightSource& source, const Corrections& corrections) {
+  const auto dark = [&](const Shot& shot) -> core::ImageView {
+    const auto found = corrections.dark.find(shot.exposure_ns);
+    return found == corrections.dark.end() ? core::ImageView() : found->second.view();
+  };
   core::Image image;
   if (source.shots.size() == 1) {
     image = objects.read(source.shots.front().object);
+    subtract_dark(image, dark(source.shots.front()));
   } else {
-    std::vector<Exposure> exposures;
-    for (const Shot& shot : source.shots)
-      exposures.push_back({objects.read(shot.object), shot.seconds, shot.saturation});
-    image = merge_exposures(exposures);
+    std::vector<core::Image> images;
+    std::vector<core::Exposure> exposures;
+    for (const Shot& shot : source.shots) images.push_back(objects.read(shot.object));
+    constexpr double kSecondsPerNanosecond = 1e-9;
+    for (std::size_t i = 0; i < images.size(); ++i) {
+      const Shot& shot = source.shots[i];
+      exposures.push_back({images[i], double(shot.exposure_ns) * kSecondsPerNanosecond, shot.saturation, dark(shot)});
+    }
+    try {
+      core::MergedExposures merged = core::merge_exposures(exposures);
+      warn_of_saturation(corrections, source.light_index, merged);
+      image = std::move(merged.image);
+    } catch (const core::BadInput& error) {
+      throw core::StoreError("light " + std::to_string(source.light_index) + ": " + error.what());
+    }
   }
-  subtract_dark(image, dark);
+  divide_by_flat(image, corrections.flat);
   divide_by_gain(image, source.light.gain);
+  if (corrections.colour) apply_colour(image, *corrections.colour);
   return image;
+}
+
+// The newest flat field of the scan's camera, if it has the size of the frames.
+FlatField known_flat(const Store& store, const Scan& scan, std::string_view camera, core::ImageSize size) {
+  const auto product = store.newest_of_camera("flat_field", scan.stage_key, camera);
+  if (!product) return {};
+  const auto image = std::find_if(product->images.begin(), product->images.end(),
+                                  [](const ProductImage& i) { return i.role == "flat"; });
+  if (image == product->images.end()) {
+    throw core::StoreError(store.folder().string() + ": flat field " + std::to_string(product->id) + " has no image");
+  }
+  const core::ImageSize found = store.object_size(image->object);
+  if (found.height != size.height || found.width != size.width ||
+      (found.channels != size.channels && found.channels != 1)) {
+    core::warn("scan '" + scan.name + "', camera '" + std::string(camera) +
+               "': the camera's flat field is of another size than its frames and is not used");
+    return {};
+  }
+  return {store.object(image->object), product->id};
+}
+
+// The newest colour matrix of the scan's camera.
+struct KnownColour {
+  std::optional<ColourMatrix> matrix;
+  std::optional<Id> id;
+};
+
+KnownColour known_colour(const Store& store, const Scan& scan, std::string_view camera) {
+  const auto product = store.newest_of_camera("colour", scan.stage_key, camera);
+  if (!product) return {};
+  try {
+    return {nlohmann::json::parse(product->parameters).at("matrix").get<ColourMatrix>(), product->id};
+  } catch (const nlohmann::json::exception&) {
+    throw core::StoreError(store.folder().string() + ": colour " + std::to_string(product->id) +
+                           " holds no matrix of 3 x 3 numbers");
+  }
 }
 
 // The mask product's image, one channel; empty where there is none.
@@ -164,7 +247,7 @@ core::Image without_unseen(const Store& store, core::Image mask, const std::opti
 
 std::vector<Id> LoadedScan::products() const {
   std::vector<Id> all;
-  for (const std::optional<Id>& product : {calibration_id, alignment_id, mask_id}) {
+  for (const std::optional<Id>& product : {calibration_id, alignment_id, mask_id, flat_id, colour_id}) {
     if (product) all.push_back(*product);
   }
   return all;
@@ -179,8 +262,26 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
   const auto mask = store.newest_product("mask", scan, camera);
   auto sources = std::make_shared<const std::vector<LightSource>>(
       light_sources(scan, known.lights, store.frames(scan.id, camera), alignment, camera));
-  // Aligned images are free of ambient light already.
-  auto dark = std::make_shared<const core::Image>(alignment ? core::Image() : dark_level(store, scan, camera));
+  const core::ImageSize size = store.object_size(sources->front().shots.front().object);
+  Corrections corrections;
+  corrections.place = "scan '" + scan.name + "', camera '" + camera + "'";
+  // Aligned images are free of ambient light already, and of vignetting if there was a flat field then.
+  if (!alignment) {
+    for (const LightSource& source : *sources) {
+      for (const Shot& shot : source.shots) {
+        if (corrections.dark.contains(shot.exposure_ns)) continue;
+        corrections.dark.emplace(shot.exposure_ns, dark_level(store, scan, camera, shot.exposure_ns));
+      }
+    }
+  }
+  std::optional<Id> flat_id;
+  if (!alignment || !made_with(store, *alignment, "flat_field")) {
+    FlatField flat = known_flat(store, scan, camera, size);
+    corrections.flat = std::move(flat.image);
+    flat_id = flat.id;
+  }
+  const KnownColour colour = known_colour(store, scan, camera);
+  corrections.colour = colour.matrix;
 
   std::vector<core::Light> lights;
   std::vector<int> light_index;
@@ -188,23 +289,35 @@ LoadedScan load_scan(const Store& store, std::string_view name, const LoadOption
     lights.push_back(source.light);
     light_index.push_back(source.light_index);
   }
-  const core::ImageSize size = store.object_size(sources->front().shots.front().object);
-  auto loader = [objects = ObjectFiles(store.folder()), sources, dark](std::size_t i) {
-    return read_light(objects, (*sources)[i], *dark);
+  auto loader = [objects = ObjectFiles(store.folder()), sources,
+                 corrections = std::make_shared<const Corrections>(std::move(corrections))](std::size_t i) {
+    return read_light(objects, (*sources)[i], *corrections);
   };
   return LoadedScan{core::OlatScan(scan.name, std::move(lights), size,
                                    without_unseen(store, read_mask(store, mask), alignment), std::move(loader)),
-                    std::move(light_index), known.calibration_id,
+                    std::move(light_index),
+                    known.calibration_id,
                     alignment ? std::optional<Id>(alignment->id) : std::nullopt,
-                    mask ? std::optional<Id>(mask->id) : std::nullopt};
+                    mask ? std::optional<Id>(mask->id) : std::nullopt,
+                    flat_id,
+                    colour.id};
 }
 
-core::Image dark_level(const Store& store, const Scan& scan, std::string_view camera) {
-  std::map<int, StepKind> kind_of_step;
-  for (const Step& step : scan.steps) kind_of_step[step.step_index] = step.kind;
+core::Image dark_level(const Store& store, const Scan& scan, std::string_view camera, std::int64_t exposure_ns) {
+  std::map<int, const Step*> dark_steps;
+  std::int64_t longest = 0;
+  bool exact = false;
+  for (const Step& step : scan.steps) {
+    if (step.kind != StepKind::kDark) continue;
+    dark_steps[step.step_index] = &step;
+    longest = std::max(longest, step.exposure_ns);
+    exact = exact || step.exposure_ns == exposure_ns;
+  }
   std::vector<core::Image> images;
   for (const Frame& frame : store.frames(scan.id, camera)) {
-    if (kind_of_step[frame.step_index] == StepKind::kDark) images.push_back(store.object(frame.object));
+    const auto step = dark_steps.find(frame.step_index);
+    if (step == dark_steps.end() || step->second->exposure_ns != (exact ? exposure_ns : longest)) continue;
+    images.push_back(store.object(frame.object));
   }
   if (images.empty()) return {};
   const std::vector<core::ImageView> views(images.begin(), images.end());
@@ -212,9 +325,16 @@ core::Image dark_level(const Store& store, const Scan& scan, std::string_view ca
   return core::weighted_sum(views, weights);
 }
 
-core::Image load_frame(const Store& store, const Frame& frame, core::ImageView dark) {
+FlatField flat_field(const Store& store, const Scan& scan, std::string_view camera) {
+  const std::vector<Frame> frames = store.frames(scan.id, camera);
+  if (frames.empty()) return {};
+  return known_flat(store, scan, camera, store.object_size(frames.front().object));
+}
+
+core::Image load_frame(const Store& store, const Frame& frame, core::ImageView dark, core::ImageView flat) {
   core::Image image = store.object(frame.object);
   subtract_dark(image, dark);
+  divide_by_flat(image, flat);
   return image;
 }
 

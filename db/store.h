@@ -80,11 +80,13 @@ struct ProductImage {
   double value = 0;  // a figure of merit, such as the alignment residual
 };
 
+// Kinds besides those named below: "camera_calibration" (lenses and poses of a stage's cameras in `parameters`, for its stage_key).
 struct NewProduct {
-  std::string kind;           // "mask", "calibration", "alignment", "weights", "virtual_stage", "picture", "normals"
+  std::string kind;           // "mask", "calibration", "flat_field", "colour", "alignment", "weights", "virtual_stage",
+                              // "picture", "normals"
   std::string name;           // may be empty; unique per kind where not empty
   std::optional<Id> scan_id;  // the scan it describes
-  std::string stage_key;      // for calibrations: the stage it describes
+  std::string stage_key;      // for calibrations, flat fields and colour: the stage it describes
   std::string parameters;     // JSON, empty stands for {}; a mask or alignment of a scan with several cameras
                               // says which one it is for: {"camera": NAME} (without: the scan's first)
   std::vector<Id> input_scans;
@@ -194,6 +196,9 @@ class Store {
   std::optional<Product> newest_product(std::string_view kind, const Scan& scan, std::string_view camera) const;
   std::optional<Product> product(std::string_view kind, std::string_view name) const;
   std::optional<Product> newest_calibration(std::string_view stage_key) const;
+  // The newest product of a kind that describes a stage's camera ("flat_field", "colour"); one whose parameters name no camera is for all.
+  std::optional<Product> newest_of_camera(std::string_view kind, std::string_view stage_key,
+                                          std::string_view camera) const;
   std::vector<CalibratedLight> calibrated_lights(Id calibration_id) const;  // in order of light_index
 
   // Checks the schema, foreign keys, every object's bytes against its name, that everything named in the

@@ -14,11 +14,12 @@ struct KindName {
   SubjectKind kind;
   const char* name;
 };
-constexpr std::array<KindName, 5> kKindNames{{{SubjectKind::kProceduralHead, "procedural_head"},
+constexpr std::array<KindName, 6> kKindNames{{{SubjectKind::kProceduralHead, "procedural_head"},
                                               {SubjectKind::kMesh, "mesh"},
                                               {SubjectKind::kMirrorBall, "mirror_ball"},
                                               {SubjectKind::kGreyBall, "grey_ball"},
-                                              {SubjectKind::kChessboard, "chessboard"}}};
+                                              {SubjectKind::kChessboard, "chessboard"},
+                                              {SubjectKind::kWhiteCard, "white_card"}}};
 
 // One description of every field serves writing and reading: `field(name, value)` is called for each.
 template <class Spec, class Field>
@@ -78,6 +79,8 @@ class ObjectReader {
     known_.insert(key);
     return *found;
   }
+
+  bool has(const char* key) const { return object_.contains(key); }
 
   template <class T>
   void operator()(const char* key, T& value) {
@@ -141,6 +144,8 @@ std::string to_json(const Simulation& simulation) {
                                  [&](const KindName& k) { return k.kind == simulation.subject.kind; });
   root["subject"]["kind"] = name->name;
   describe_subject(simulation.subject, into(root["subject"]));
+  const core::Vec3 place = simulation.subject.position;
+  if (norm(place) > 0) root["subject"]["position_m"] = {place.x, place.y, place.z};
   describe_motion(simulation.motion, into(root["motion"]));
   describe_sensor(simulation.sensor, into(root["sensor"]));
   describe_faults(simulation.faults, into(root["faults"]));
@@ -166,6 +171,12 @@ Simulation simulation_from_json(std::string_view text) {
   if (kind == kKindNames.end()) subject.fail("kind", "is '" + kind_name + "', which is not a kind of subject");
   result.subject.kind = kind->kind;
   describe_subject(result.subject, subject);
+  if (subject.has("position_m")) {  // not written for a subject at stage centre
+    std::vector<double> place;
+    subject("position_m", place);
+    if (place.size() != 3) subject.fail("position_m", "must be three numbers");
+    result.subject.position = {place[0], place[1], place[2]};
+  }
 
   ObjectReader motion(root.at("motion"), "simulation: motion");
   describe_motion(result.motion, motion);
@@ -185,6 +196,8 @@ double subject_size_m(const SubjectSpec& subject) {
       return 0.06;
     case SubjectKind::kChessboard:
       return 0.16;
+    case SubjectKind::kWhiteCard:
+      return 0.8;
     case SubjectKind::kProceduralHead:
     case SubjectKind::kMesh:
       break;

@@ -10,21 +10,24 @@
 
 #include "capture/stage.h"
 #include "core/clock.h"
+#include "core/vec3.h"
 
 namespace lightstage::sim {
 
-enum class SubjectKind { kProceduralHead, kMesh, kMirrorBall, kGreyBall, kChessboard };
+enum class SubjectKind { kProceduralHead, kMesh, kMirrorBall, kGreyBall, kChessboard, kWhiteCard };
 
 struct SubjectSpec {
   SubjectKind kind = SubjectKind::kProceduralHead;
   std::uint64_t seed = 1;  // shape, albedo and gloss of the procedural head; gloss of a mesh
   std::string mesh_path;   // absolute; for kMesh
   std::string mesh_hash;   // of the file's bytes, hexadecimal; checked when truth is rendered again
-  double size_m = 0;       // radius of a ball, height of anything else (of a chessboard's squares); 0: what suits the kind
-  double albedo = 0.5;     // of the grey ball
-  double yaw_degrees = 0;  // turned about y before it is placed at stage centre
+  double size_m = 0;    // radius of a ball, height of anything else (of a chessboard's squares); 0: what suits the kind
+  double albedo = 0.5;  // of the grey ball
+  double yaw_degrees = 0;  // turned about y before it is placed
+  core::Vec3 position;     // metres from stage centre, where it stands
 };
 
+// Balls do not move. A chessboard is held in another pose every second (sim/held_board.h), unless amplitude_m is 0: then it stands still.
 struct MotionSpec {
   double amplitude_m = 0.004;  // of the drift of the subject over the pass; 0 for a subject that stands still
   double rotation_degrees = 0.6;

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "sim/held_board.h"
 #include "sim/render/illuminate.h"
 #include "sim/scene/motion.h"
 #include "sim/scene/true_lights.h"
@@ -13,6 +14,7 @@
 #include "sim/subjects/head.h"
 #include "sim/subjects/mesh_file.h"
 #include "sim/subjects/mirror.h"
+#include "sim/subjects/white_card.h"
 
 namespace lightstage::sim {
 namespace {
@@ -24,6 +26,10 @@ void require(bool good, const std::string& problem) {
   if (!good) throw core::BadInput("simulation: " + problem);
 }
 
+// A board is moved to its next pose every second, within a quarter of its height about stage centre.
+constexpr core::Nanoseconds kBoardHeld = core::kSecond;
+constexpr double kBoardReach = 0.25;
+
 // Before anything is built.
 const Simulation& checked(const Simulation& s) {
   const double size = subject_size_m(s.subject);
@@ -33,6 +39,8 @@ const Simulation& checked(const Simulation& s) {
   require(std::isfinite(s.motion.amplitude_m) && std::isfinite(s.motion.rotation_degrees), "the motion must be finite");
   require(s.stage.simulation.led_radius_m > 0, "led_radius_m must be positive");
   require(std::isfinite(s.stage.radius_m) && s.stage.radius_m > size, "the subject does not fit into the stage");
+  require(std::isfinite(norm(s.subject.position)) && norm(s.subject.position) + size < s.stage.radius_m,
+          "the subject must stand within the stage");
   return s;
 }
 
@@ -49,11 +57,13 @@ std::unique_ptr<Subject> make_subject(const SubjectSpec& spec) {
       return std::make_unique<Ball>(size, spec.albedo);
     case SubjectKind::kChessboard:
       return make_chessboard(size);
+    case SubjectKind::kWhiteCard:
+      return make_white_card(size);
   }
   throw core::BadInput("simulation: unknown kind of subject");
 }
 
-// Only what breathes moves; calibration targets stand on a tripod.
+// Only what breathes moves by itself; balls stand on a tripod, and a board is held still in one pose after another.
 MotionSpec motion_of(const Simulation& simulation) {
   const SubjectKind kind = simulation.subject.kind;
   const bool alive = kind == SubjectKind::kProceduralHead || kind == SubjectKind::kMesh;
@@ -74,11 +84,17 @@ struct World::Impl {
   explicit Impl(const Simulation& s)
       : simulation(checked(s)),
         lights(sim::true_lights(s.stage)),
-        motion(motion_of(s), s.subject.yaw_degrees, s.seed),
+        motion(motion_of(s), s.subject, s.seed),
         subject(make_subject(s.subject)),
         surfaces(*subject, samples_per_side(s), s.indirect_bounce, s.stage.cameras.size()) {}
 
   core::Vec3 light_position(std::size_t i) const { return *lights[i].position; }
+
+  core::RigidTransform stage_from_subject(core::Nanoseconds t) const {
+    const bool held = simulation.subject.kind == SubjectKind::kChessboard && simulation.motion.amplitude_m != 0;
+    if (!held) return motion.stage_from_subject(t);
+    return held_board_pose(simulation.seed, int(t / kBoardHeld), kBoardReach * subject_size_m(simulation.subject));
+  }
 
   void prepare_visibility() {
     const core::RigidTransform subject_from_stage = motion.rest().inverse();
@@ -98,7 +114,17 @@ struct World::Impl {
     for (std::size_t i = 0; i < covered.values().size(); ++i) {
       for (std::size_t c = 0; c < 3; ++c) image.values()[i * 3 + c] += float(room[c]) * covered.values()[i];
     }
-    add_reflections(image, camera, subject_size_m(simulation.subject), lamps);
+    // In the ball's frame, where the lamps keep their light at stage centre.
+    const core::Vec3 place = simulation.subject.position;
+    core::CameraModel moved_camera = camera;
+    moved_camera.stage_from_camera.translation = camera.stage_from_camera.translation - place;
+    std::vector<Lamp> moved(lamps.begin(), lamps.end());
+    for (Lamp& lamp : moved) {
+      const double squared = dot(lamp.position, lamp.position);
+      lamp.position = lamp.position - place;
+      for (double& gain : lamp.gain) gain *= squared / dot(lamp.position, lamp.position);
+    }
+    add_reflections(image, moved_camera, subject_size_m(simulation.subject), moved);
   }
 
   // The picture under lamps of the stage frame; `index` names them in the stage, -1 where they are not of it.
@@ -154,14 +180,14 @@ core::Image World::render(const core::CameraModel& camera, std::span<const captu
   if (lamps.size() > kMostExactLights) {
     std::call_once(impl_->visibility_prepared, [this] { impl_->prepare_visibility(); });
   }
-  const core::RigidTransform pose = impl_->motion.stage_from_subject(t);
+  const core::RigidTransform pose = impl_->stage_from_subject(t);
   return impl_->picture(camera, pose, *impl_->surfaces.get(camera, pose), lamps, index);
 }
 
 std::vector<core::Image> World::render_directions(const core::CameraModel& camera,
                                                   std::span<const core::Direction> directions,
                                                   core::Nanoseconds t) const {
-  const core::RigidTransform pose = impl_->motion.stage_from_subject(t);
+  const core::RigidTransform pose = impl_->stage_from_subject(t);
   const auto buffer = impl_->surfaces.get(camera, pose);
   const capture::Stage& stage = impl_->simulation.stage;
   std::vector<core::Image> images;
@@ -174,12 +200,11 @@ std::vector<core::Image> World::render_directions(const core::CameraModel& camer
 }
 
 core::Image World::coverage(const core::CameraModel& camera, core::Nanoseconds t) const {
-  return sim::coverage(*impl_->surfaces.get(camera, impl_->motion.stage_from_subject(t)));
+  return sim::coverage(*impl_->surfaces.get(camera, impl_->stage_from_subject(t)));
 }
 
 core::Image World::true_flow(const core::CameraModel& camera, core::Nanoseconds from, core::Nanoseconds to) const {
-  const core::RigidTransform then = impl_->motion.stage_from_subject(from),
-                             later = impl_->motion.stage_from_subject(to);
+  const core::RigidTransform then = impl_->stage_from_subject(from), later = impl_->stage_from_subject(to);
   const core::RigidTransform back = then.inverse();
   core::Image flow(camera.height, camera.width, 2);
   std::fill(flow.values().begin(), flow.values().end(), std::numeric_limits<float>::quiet_NaN());

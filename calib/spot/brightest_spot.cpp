@@ -110,4 +110,59 @@ double rival_share(const BallRegion& region, const cv::Mat_<float>& steady, cons
   return spot.light > 0 ? *std::max_element(light.begin(), light.end()) / spot.light : 0;
 }
 
+namespace {
+
+// Whether, at some level from `lowest` up, `height` within `inside` falls apart into two parts that each reach `summit(level)`.
+template <class Summit>
+bool falls_apart(const cv::Mat_<float>& height, const cv::Mat_<uchar>& inside, double lowest, double highest,
+                 Summit summit) {
+  constexpr int kLevels = 24;
+  for (int k = 0; k < kLevels; ++k) {
+    const double level = lowest + (highest - lowest) * k / kLevels;
+    const cv::Mat above = (height > level) & inside;
+    cv::Mat labels_any;
+    const int count = cv::connectedComponents(above, labels_any, 8, CV_32S);
+    if (count < 3) continue;
+    const cv::Mat_<int> labels = labels_any;
+    // The second highest pixel, so that a single hot one is nothing.
+    std::vector<float> first(std::size_t(count), 0.0F), top = first;
+    for (int y = 0; y < height.rows; ++y) {
+      for (int x = 0; x < height.cols; ++x) {
+        const auto label = std::size_t(labels(y, x));
+        if (label == 0) continue;
+        top[label] = std::max(top[label], std::min(first[label], height(y, x)));
+        first[label] = std::max(first[label], height(y, x));
+      }
+    }
+    if (std::count_if(top.begin() + 1, top.end(), [&](float t) { return t >= summit(level); }) > 1) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+bool has_two_parts(const BallRegion& region, const Spot& spot, bool clipped) {
+  // What is around the body by its own width holds a part that the body, the largest circles in the spot, leaves out.
+  const cv::Mat_<uchar> near = spot.distance <= std::max(2.0, 2.5 * spot.radius_px);
+  if (!clipped) {
+    constexpr double kValley = 1.0 / 7, kNoises = 6;
+    double peak = 0;
+    cv::minMaxLoc(region.signal, nullptr, &peak, nullptr, nullptr, near);
+    const double least = std::max(kValley * peak, kNoises * region.noise);
+    return falls_apart(region.signal, near, 0.4 * peak, peak, [&](double level) { return level + least; });
+  }
+  constexpr double kWaist = 0.8, kLeastShare = 0.5, kLeastRadiusPx = 1.4;
+  double peak = 0;
+  cv::minMaxLoc(region.signal, nullptr, &peak, nullptr, nullptr, near);
+  const cv::Mat full = (region.signal >= kClippedShare * peak) & near;
+  cv::Mat_<float> depth;
+  cv::distanceTransform(full, depth, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+  double radius = 0;
+  cv::minMaxLoc(depth, nullptr, &radius);
+  if (radius < kLeastRadiusPx) return false;
+  return falls_apart(depth, near, 0, radius, [&](double level) {
+    return std::max({kLeastRadiusPx, kLeastShare * radius, level / kWaist});
+  });
+}
+
 }  // namespace lightstage::calib

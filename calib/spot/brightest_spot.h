@@ -23,4 +23,8 @@ std::optional<Spot> brightest_spot(const BallRegion& region, const cv::Mat_<floa
 // The light in the next strongest spot, beyond `reach_px` of `spot`'s body, over that in `spot`; 0 when there is none.
 double rival_share(const BallRegion& region, const cv::Mat_<float>& steady, const Spot& spot, double reach_px);
 
+// Whether the spot is two that touch: a valley of a seventh of its height between two summits, each well above the noise; of a clipped spot, a
+// waist of less than four fifths of the lesser part's width between two round parts, one at least half as wide as the other.
+bool has_two_parts(const BallRegion& region, const Spot& spot, bool clipped);
+
 }  // namespace lightstage::calib

@@ -46,7 +46,12 @@ struct TrackingFrame : TimedFrame {
 class CameraAlignment {
  public:
   CameraAlignment(db::Store& store, const db::Scan& scan, const std::string& camera, const AlignOptions& options)
-      : store_(store), scan_(scan), camera_(camera), options_(options), dark_(db::dark_level(store, scan, camera)) {
+      : store_(store),
+        scan_(scan),
+        camera_(camera),
+        options_(options),
+        dark_(db::dark_level(store, scan, camera)),
+        flat_(db::flat_field(store, scan, camera)) {
     for (const db::Frame& frame : store.frames(scan.id, camera)) {
       const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
       if (kind == db::StepKind::kTracking) tracked_steps_.insert(frame.step_index);
@@ -60,6 +65,7 @@ class CameraAlignment {
   }
 
   void run(db::NewProduct& product, AlignReport& report) {
+    if (flat_.id) product.input_products.push_back(*flat_.id);  // loading knows by it what the images were divided by
     track();
     judge(report);
     for (const TrackingFrame& tracked : tracking_frames_) {
@@ -106,7 +112,7 @@ class CameraAlignment {
                              scan_.name + "`");
     }
     key_ = std::size_t(key_frame - tracking_frames_.begin());
-    const core::Image key = db::load_frame(store_, key_frame->frame, dark_);
+    const core::Image key = db::load_frame(store_, key_frame->frame, dark_, flat_.image);
     mask_ = align::subject_mask(key);
     size_ = key.size();
     if (const std::string objection = align::key_objection(key, mask_, key_frame->frame.saturation);
@@ -125,7 +131,7 @@ class CameraAlignment {
     std::map<std::size_t, Work> work;
     in_batches(
         tracking_frames_.size(),
-        [&](std::size_t i) { work[i].picture = db::load_frame(store_, tracking_frames_[i].frame, dark_); },
+        [&](std::size_t i) { work[i].picture = db::load_frame(store_, tracking_frames_[i].frame, dark_, flat_.image); },
         [&](std::size_t i) {
           Work& own = work.at(i);
           own.flow = align::FlowField(key.height(), key.width(), 2);
@@ -267,7 +273,7 @@ class CameraAlignment {
           // The first of a batch is the earliest: what lies before is of no more use.
           if (work.empty()) motion.forget_before(light_frames_[i].time);
           extend(motion, next, light_frames_[i].time);
-          work[i].picture = db::load_frame(store_, light_frames_[i].frame, dark_);
+          work[i].picture = db::load_frame(store_, light_frames_[i].frame, dark_, flat_.image);
         },
         [&](std::size_t i) {
           Work& own = work.at(i);
@@ -329,6 +335,7 @@ class CameraAlignment {
   const std::string& camera_;
   const AlignOptions& options_;
   core::Image dark_;
+  db::FlatField flat_;
   std::vector<TrackingFrame> tracking_frames_;  // by time
   std::set<int> tracked_steps_;                 // that have a frame
   std::vector<TimedFrame> light_frames_;        // by time

@@ -38,12 +38,13 @@ BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::
   BallView view;
   view.camera = camera.model;
   view.dark = db::dark_level(store, scan, camera.name);
+  view.flat = db::flat_field(store, scan, camera.name).image;
   const std::string where = "scan '" + scan.name + "', camera '" + camera.name + "', full-on frame";
   std::optional<core::Image> full_on;
   for (const db::Frame& frame : store.frames(scan.id, camera.name)) {
     const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
     if (step.kind == db::StepKind::kFullOn) {
-      full_on = db::load_frame(store, frame, view.dark);
+      full_on = db::load_frame(store, frame, view.dark, view.flat);
       require_not_overexposed(*full_on, frame.saturation, where);
     }
     if (step.kind == db::StepKind::kLight) {
@@ -60,6 +61,11 @@ BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::
     throw core::BadInput(where + ": " + error.what());
   }
   return view;
+}
+
+calib::BallPicture picture_of_light(const db::Store& store, const BallView& view, std::size_t i) {
+  const db::Frame& frame = view.light_frames[i];
+  return {view.light_index[i], db::load_frame(store, frame, view.dark, view.flat), frame.saturation};
 }
 
 }  // namespace lightstage::cli

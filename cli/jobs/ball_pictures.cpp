@@ -3,11 +3,11 @@
 #include <fnmatch.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <set>
 
 #include "calib/ball_circle.h"
+#include "cli/jobs/picture_folder.h"
 #include "core/config.h"
 #include "core/error.h"
 
@@ -20,54 +20,16 @@ using core::Vec3;
 
 constexpr double kHandSigmaPx = 0.5;  // of circles given by numbers, where the file does not say
 
-// "b2" before "b10".
-bool natural_less(const std::string& a, const std::string& b) {
-  std::size_t i = 0, j = 0;
-  const auto digit = [](char c) { return std::isdigit(static_cast<unsigned char>(c)) != 0; };
-  while (i < a.size() && j < b.size()) {
-    if (digit(a[i]) && digit(b[j])) {
-      const auto number = [&](const std::string& text, std::size_t& at) {
-        while (at < text.size() && text[at] == '0') ++at;
-        const std::size_t first = at;
-        while (at < text.size() && digit(text[at])) ++at;
-        return text.substr(first, at - first);
-      };
-      const std::string x = number(a, i), y = number(b, j);
-      if (x.size() != y.size()) return x.size() < y.size();
-      if (x != y) return x < y;
-    } else {
-      if (a[i] != b[j]) return a[i] < b[j];
-      ++i;
-      ++j;
-    }
-  }
-  if ((i < a.size()) != (j < b.size())) return j < b.size();
-  return a < b;
-}
-
-bool is_picture(const fs::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return char(std::tolower(c)); });
-  static const std::set<std::string> known{".png", ".jpg", ".jpeg", ".tif", ".tiff", ".exr", ".hdr", ".pgm", ".ppm"};
-  return known.contains(extension);
-}
-
 std::vector<std::string> picture_names(const fs::path& folder, const std::string& pattern,
                                        const std::set<std::string>& others) {
-  std::vector<std::string> names;
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    if (!entry->is_regular_file() || !is_picture(name) || others.contains(name)) continue;
-    if (pattern.empty() || fnmatch(pattern.c_str(), name.c_str(), 0) == 0) names.push_back(name);
-  }
-  if (error) throw core::BadInput("balls: '" + folder.string() + "' is no folder that can be read");
+  std::vector<std::string> names = pictures_in(folder);
+  std::erase_if(names, [&](const std::string& name) {
+    return others.contains(name) || (!pattern.empty() && fnmatch(pattern.c_str(), name.c_str(), 0) != 0);
+  });
   if (names.empty()) {
     throw core::BadInput("balls: no pictures" + (pattern.empty() ? "" : " named '" + pattern + "'") + " in '" +
                          folder.string() + "'");
   }
-  std::sort(names.begin(), names.end(), natural_less);
   return names;
 }
 
@@ -103,6 +65,10 @@ NamedCamera read_camera(const core::TomlTable& table) {
     const std::vector<double> p = table.numbers("tangential_distortion", 2);
     m.p1 = p[0], m.p2 = p[1];
   }
+  // What a stage file's entries say besides: pictures have sizes of their own, crops among them.
+  if (table.has("width_pixels")) table.integer("width_pixels");
+  if (table.has("height_pixels")) table.integer("height_pixels");
+  if (table.has("responsivity_per_s")) table.number("responsivity_per_s");
   camera.placed = table.has("position_m");
   Vec3 right{1, 0, 0}, down{0, -1, 0}, forward{0, 0, -1};
   if (camera.placed) {

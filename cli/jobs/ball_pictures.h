@@ -6,23 +6,16 @@
 #include <string>
 #include <vector>
 
-#include "calib/ball_circle.h"
-#include "calib/sphere_fit.h"
-#include "core/camera_model.h"
+#include "cli/jobs/join_lights.h"
 #include "core/image.h"
 #include "core/image_file.h"
 
 namespace lightstage::cli {
 
-// A ball as one camera sees it in one folder of pictures.
-struct BallInPictures {
-  std::string ball;    // views of one name show one ball
-  std::string camera;  // empty: nothing is known of it
+// In one folder of pictures.
+struct BallInPictures : SeenBall {
   std::filesystem::path folder;
-  core::CameraModel
-      model;  // stage frame; parallel rays where nothing is known (calib/ball_circle.h): lengths then in ball radii
-  calib::Sphere sphere;
-  double light_distance = calib::kFarInRadii;  // of the lights from the stage's centre, in the same lengths
+  double light_distance = calib::kFarInRadii;  // of the lights from the stage's centre, in the camera's lengths
 };
 
 // The lights' pictures have the same names in every folder.

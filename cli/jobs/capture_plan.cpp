@@ -12,15 +12,17 @@ namespace {
 
 // A mirror shows the LEDs themselves, thousands of times brighter than a lit face.
 constexpr core::Nanoseconds kMirrorExposure = 10'000;
+// White all over is twice as bright as a face.
+constexpr core::Nanoseconds kCardExposure = 10 * core::kMillisecond;
 constexpr core::Nanoseconds kExposureUnit = core::kMillisecond / 10;
 
 sim::SubjectSpec subject(const CaptureRequest& request) {
   const int chosen = int(request.procedural_seed.has_value()) + int(!request.mesh.empty()) + int(request.mirror_ball) +
-                     int(request.grey_ball) + int(request.chessboard);
+                     int(request.grey_ball) + int(request.chessboard) + int(request.white_card);
   if (chosen != 1) {
     throw core::UsageError(
         "a simulated capture needs one subject: --procedural SEED, --mesh FILE, --mirror-ball, "
-        "--grey-ball or --chessboard");
+        "--grey-ball, --chessboard or --white-card");
   }
   sim::SubjectSpec spec;
   spec.seed = request.procedural_seed.value_or(request.seed);
@@ -36,7 +38,9 @@ sim::SubjectSpec subject(const CaptureRequest& request) {
   if (request.mirror_ball) spec.kind = sim::SubjectKind::kMirrorBall;
   if (request.grey_ball) spec.kind = sim::SubjectKind::kGreyBall;
   if (request.chessboard) spec.kind = sim::SubjectKind::kChessboard;
+  if (request.white_card) spec.kind = sim::SubjectKind::kWhiteCard;
   if (request.mirror_ball || request.grey_ball) spec.size_m = request.ball_radius_mm / 1000;
+  spec.position = {request.at[0], request.at[1], request.at[2]};
   return spec;
 }
 
@@ -55,19 +59,48 @@ core::Nanoseconds whole_units(core::Nanoseconds exposure) {
   return std::max<core::Nanoseconds>(1, (exposure + kExposureUnit / 2) / kExposureUnit) * kExposureUnit;
 }
 
+// A board is held up in one pose after another, all lights on.
+capture::Sequence board_sequence(const CaptureRequest& request, std::size_t lights) {
+  constexpr core::Nanoseconds kTimeToMove = 2 * core::kSecond;
+  core::Nanoseconds exposure = capture::default_full_on_exposure(20 * core::kMillisecond, lights);
+  if (request.exposure_ms) exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
+  if (!request.simulate) exposure = whole_units(exposure);
+  capture::Sequence sequence;
+  sequence.settle = kTimeToMove;
+  const auto add = [&](db::StepKind kind) {
+    sequence.steps.push_back({.step_index = int(sequence.steps.size()), .kind = kind, .exposure_ns = exposure});
+  };
+  add(db::StepKind::kDark);
+  for (int i = 0; i < request.board_views; ++i) add(db::StepKind::kFullOn);
+  return sequence;
+}
+
 capture::Sequence default_sequence(const CaptureRequest& request, std::size_t lights) {
+  if (request.chessboard) return board_sequence(request, lights);
   capture::OlatOptions olat;
   olat.light_count = lights;
-  olat.tracking_every = scan_kind(request) == db::ScanKind::kOlat ? request.tracking_every : 0;
+  olat.tracking_every = scan_kind(request) == db::ScanKind::kOlat && !request.white_card ? request.tracking_every : 0;
+  if (request.white_card) olat.exposure = kCardExposure;
   if (request.mirror_ball) {
     // Around the LEDs' images in the mirror, in the full-on frame that its outline is found in, are only the dim
     // surroundings.
     olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
     olat.exposure = kMirrorExposure;
   }
-  if (request.exposure_ms) olat.exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
+  if (request.exposure_ms.size() > 1 && (request.mirror_ball || request.grey_ball)) {
+    throw core::UsageError("--exposure: a pass of a ball takes one exposure of every light; give it once");
+  }
+  if (!request.exposure_ms.empty()) {
+    std::vector<core::Nanoseconds> exposures;
+    for (const double ms : request.exposure_ms) exposures.push_back(core::from_units(ms, core::kMillisecond));
+    std::sort(exposures.begin(), exposures.end());
+    const auto middle = exposures.begin() + std::ptrdiff_t((exposures.size() - 1) / 2);
+    olat.exposure = *middle;
+    exposures.erase(middle);
+    olat.further_exposures = exposures;
+  }
   if (!request.simulate) {
-    if (!request.exposure_ms) olat.exposure = whole_units(olat.exposure);
+    if (request.exposure_ms.empty()) olat.exposure = whole_units(olat.exposure);
     olat.full_on_exposure =
         whole_units(olat.full_on_exposure.value_or(capture::default_full_on_exposure(olat.exposure, lights)));
   }
@@ -108,8 +141,8 @@ CaptureProvenance plan_capture(const CaptureRequest& request) {
     provenance.simulation = plan_simulation(request, std::move(provenance.stage));
     provenance.stage = provenance.simulation->stage;
   } else {
-    if (int(request.mirror_ball) + int(request.grey_ball) + int(request.chessboard) > 1) {
-      throw core::UsageError("one thing stands on the stage: --mirror-ball, --grey-ball or --chessboard");
+    if (int(request.mirror_ball) + int(request.grey_ball) + int(request.chessboard) + int(request.white_card) > 1) {
+      throw core::UsageError("one thing stands on the stage: --mirror-ball, --grey-ball, --chessboard or --white-card");
     }
     if (!provenance.stage.hardware.complete()) {
       throw core::UsageError(

@@ -14,9 +14,11 @@ namespace lightstage::cli {
 struct CaptureRequest {
   std::filesystem::path stage_file;
   std::filesystem::path sequence_file;  // empty: every light once
-  bool mirror_ball = false, grey_ball = false, chessboard = false;
+  bool mirror_ball = false, grey_ball = false, chessboard = false, white_card = false;
+  int board_views = 20;  // of a chessboard: frames under all lights, between which it is moved
   int tracking_every = 10;
-  std::optional<double> exposure_ms;
+  std::vector<double>
+      exposure_ms;  // of every light; several are a bracket, whose middle one counts as the usual exposure
   std::optional<capture::Timing> timing;
   std::optional<double> settle_ms;
 
@@ -26,6 +28,7 @@ struct CaptureRequest {
   std::filesystem::path mesh;
   double ball_radius_mm = 60;
   double yaw_degrees = 0;
+  std::vector<double> at{0, 0, 0};  // metres from stage centre
   int size = 0;
   bool no_noise = false, no_motion = false;
   bool bounce = false;

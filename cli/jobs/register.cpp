@@ -70,6 +70,8 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
   report.residual_after_px = std::max(report.residual_after_px, median_of(after));
 
   const core::Image dark = db::dark_level(store, scan, camera);
+  const db::FlatField flat = db::flat_field(store, scan, camera);
+  if (flat.id) product.input_products.push_back(*flat.id);
   core::Image seen;  // 1 where every frame that is used shows something
   for (const db::Frame& frame : store.frames(scan.id, camera)) {
     core::throw_if_interrupted();
@@ -78,7 +80,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
     const auto place = place_of_light.find(*step.light_index);
     const std::string objection =
         place == place_of_light.end() ? "its light has no direction" : found[place->second].objection;
-    core::Image picture = db::load_frame(store, frame, dark);
+    core::Image picture = db::load_frame(store, frame, dark, flat.image);
     double residual = 0;
     if (objection.empty()) {
       const align::Registered& registered = found[place->second];

@@ -56,7 +56,8 @@ SimulatedTruth::SimulatedTruth(const db::Store& store, const std::string& scan_n
       provenance_(capture_provenance(scan_)),
       camera_(camera_of(provenance_.stage, camera)),
       world_(simulation_of(provenance_, scan_)),
-      key_time_(key_time(store)) {}
+      key_time_(key_time(store)),
+      flat_(db::flat_field(store, scan_, camera_.name)) {}
 
 core::Nanoseconds SimulatedTruth::key_time(const db::Store& store) const {
   const int key = key_step(scan_);
@@ -69,9 +70,10 @@ core::Nanoseconds SimulatedTruth::key_time(const db::Store& store) const {
 }
 
 core::Image SimulatedTruth::as_seen(core::ImageView radiance) const {
-  // A noiseless sensor at an exposure too short to clip: what is left is the lens's vignetting.
+  // A noiseless sensor at an exposure too short to clip: what is left is the lens's vignetting, unless a flat field takes it out of the frames.
   sim::SensorSpec sensor = world_.simulation().sensor;
   sensor.noise = false;
+  if (flat_.id) sensor.vignetting = 0;
   constexpr core::Nanoseconds kTooShortToClip = 10;
   return sim::sense(radiance, sensor, camera_.responsivity, kTooShortToClip, 0);
 }
@@ -129,7 +131,7 @@ SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& 
     }
     const capture::LightLevel light{.light_index = *scan_.steps.at(std::size_t(image.index)).light_index};
     const core::Image still = as_seen(world_.render(camera_.model, std::span(&light, 1), key_time_));
-    unaligned.add(core::to_rgb(db::load_frame(store, *frame, dark)), still, mask, exposure);
+    unaligned.add(core::to_rgb(db::load_frame(store, *frame, dark, flat_.image)), still, mask, exposure);
     aligned.add(core::to_rgb(store.object(image.object)), still, mask, exposure);
     ++error.frames;
   }

@@ -48,6 +48,7 @@ class SimulatedTruth {
   capture::StageCamera camera_;
   sim::World world_;
   core::Nanoseconds key_time_ = 0;
+  db::FlatField flat_;
 };
 
 }  // namespace lightstage::cli

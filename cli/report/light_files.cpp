@@ -27,11 +27,12 @@ cv::Mat as_mat(core::Image& image) {
 }
 
 // Display values of the brightest each pixel gets under any light.
-core::Image brightest(const BallPictures& pictures, const BallInPictures& view) {
-  core::Image result;
-  for (std::size_t i = 0; i < pictures.names.size(); ++i) {
-    const core::Image picture = core::to_rgb(load_picture(pictures, view, i));
-    if (i == 0) result = core::Image(picture.size());
+core::Image brightest(const LightSources& sources, std::size_t view) {
+  core::Image result(sources.views[view].model.height, sources.views[view].model.width, 3);
+  for (std::size_t i = 0; i < sources.names.size(); ++i) {
+    const core::Image taken = sources.picture(view, i);
+    if (taken.empty()) continue;
+    const core::Image picture = core::to_rgb(taken);
     for (std::size_t k = 0; k < picture.values().size(); ++k) {
       result.values()[k] = std::max(result.values()[k], picture.values()[k]);
     }
@@ -40,9 +41,9 @@ core::Image brightest(const BallPictures& pictures, const BallInPictures& view) 
   return result;
 }
 
-SheetCell view_cell(const BallPictures& pictures, const PicturesReport& report, std::size_t v) {
-  const BallInPictures& view = pictures.views[v];
-  core::Image image = brightest(pictures, view);
+SheetCell view_cell(const LightSources& sources, const LightsReport& report, std::size_t v) {
+  const SeenBall& view = sources.views[v];
+  core::Image image = brightest(sources, v);
   const double scale = double(kCell) / std::max(image.width(), image.height());
   core::Image shown(int(std::lround(image.height() * scale)), int(std::lround(image.width() * scale)), 3);
   cv::Mat canvas = as_mat(shown);
@@ -64,8 +65,7 @@ SheetCell view_cell(const BallPictures& pictures, const PicturesReport& report, 
     cv::putText(canvas, std::to_string(light.index), p + cv::Point(4, -4), cv::FONT_HERSHEY_PLAIN, 0.7, colour, 1,
                 cv::LINE_AA);
   }
-  return {std::move(shown),
-          view.ball + (view.camera.empty() ? "" : ", " + view.camera) + ": " + std::to_string(seen) + " highlights"};
+  return {std::move(shown), view.name() + ": " + std::to_string(seen) + " highlights"};
 }
 
 // Azimuthal equidistant about +z: 180 degrees at the cell's edge.
@@ -76,7 +76,7 @@ cv::Point2d on_map(core::Vec3 d) {
   return {0.5 * kCell + d.x * reach, 0.5 * kCell - d.y * reach};
 }
 
-SheetCell sphere_cell(const PicturesReport& report) {
+SheetCell sphere_cell(const LightsReport& report) {
   constexpr double kExaggeration = 10;
   core::Image image(kCell, kCell, 3);
   cv::Mat canvas = as_mat(image);
@@ -102,17 +102,17 @@ nlohmann::ordered_json xyz(core::Vec3 v) {
   return {{"x", v.x}, {"y", v.y}, {"z", v.z}};
 }
 
-std::string dome(const BallPictures& pictures, const PicturesReport& report) {
+std::string dome(const LightSources& sources, const LightsReport& report) {
   nlohmann::ordered_json directions = nlohmann::ordered_json::array(), on_sphere = directions, positions = directions;
   for (const PlacedLight& light : report.lights) {
     if (!light.used) continue;
     directions.push_back(xyz(light.direction.vec()));
     if (light.position) positions.push_back(xyz(*light.position));
-    if (pictures.stage_radius_m) on_sphere.push_back(xyz(light.direction.vec() * *pictures.stage_radius_m));
+    if (sources.stage_radius_m) on_sphere.push_back(xyz(light.direction.vec() * *sources.stage_radius_m));
   }
   const nlohmann::ordered_json file{
       {"label", "Lightstage"},    {"notes", "lengths in metres"},
-      {"imageWidth", 0},          {"domeDiameter", 2 * pictures.stage_radius_m.value_or(0)},
+      {"imageWidth", 0},          {"domeDiameter", 2 * sources.stage_radius_m.value_or(0)},
       {"verticalOffset", 0},      {"lightConfiguration", positions.empty() ? "directional" : "lights3d"},
       {"directions", directions}, {"positionsSphere", on_sphere},
       {"positions3d", positions}, {"ledAdjust", nlohmann::ordered_json::array()}};
@@ -126,10 +126,11 @@ std::string csv_field(const std::string& text) {
   return quoted + "\"";
 }
 
-std::string csv(const BallPictures& pictures, const PicturesReport& report) {
+std::string csv(const LightSources& sources, const LightsReport& report) {
   std::string text = "index,picture,x,y,z,sigma_deg,position_x_m,position_y_m,position_z_m,sigma_m,used,reason\n";
-  for (const PlacedLight& light : report.lights) {
-    text += std::to_string(light.index) + "," + csv_field(pictures.names[std::size_t(light.index)]) + ",";
+  for (std::size_t i = 0; i < report.lights.size(); ++i) {
+    const PlacedLight& light = report.lights[i];
+    text += std::to_string(light.index) + "," + csv_field(sources.names[i]) + ",";
     const auto numbers = [&](bool known, std::initializer_list<double> values) {
       for (const double value : values) text += (known ? core::number_text(value) : "") + ",";
     };
@@ -145,31 +146,30 @@ std::string csv(const BallPictures& pictures, const PicturesReport& report) {
 
 }  // namespace
 
-core::Image light_picture(const BallPictures& pictures, const PicturesReport& report) {
+core::Image light_picture(const LightSources& sources, const LightsReport& report) {
   constexpr std::size_t kColumns = 3;
   std::vector<std::vector<SheetCell>> rows(1);
   const auto add = [&](SheetCell cell) {
     if (rows.back().size() == kColumns) rows.emplace_back();
     rows.back().push_back(std::move(cell));
   };
-  for (std::size_t v = 0; v < pictures.views.size(); ++v) add(view_cell(pictures, report, v));
+  for (std::size_t v = 0; v < sources.views.size(); ++v) add(view_cell(sources, report, v));
   add(sphere_cell(report));
   return contact_sheet(rows, kCell);
 }
 
-void write_light_files(const std::filesystem::path& folder, const BallPictures& pictures,
-                       const PicturesReport& report) {
+void write_light_files(const std::filesystem::path& folder, const LightSources& sources, const LightsReport& report) {
   core::make_folder(folder);
   std::vector<core::LpEntry> entries;
-  for (const PlacedLight& light : report.lights) {
-    if (light.used) entries.push_back({pictures.names[std::size_t(light.index)], light.direction});
+  for (std::size_t i = 0; i < report.lights.size(); ++i) {
+    if (report.lights[i].used) entries.push_back({sources.names[i], report.lights[i].direction});
   }
   if (!entries.empty()) {
     core::write_lp(folder / "lights.lp", entries);
-    core::write_file_atomically(folder / "lights.dome", dome(pictures, report));
+    core::write_file_atomically(folder / "lights.dome", dome(sources, report));
   }
-  core::write_file_atomically(folder / "lights.csv", csv(pictures, report));
-  core::write_image(folder / "lights.png", light_picture(pictures, report), {.encoding = core::Encoding::kLinear});
+  core::write_file_atomically(folder / "lights.csv", csv(sources, report));
+  core::write_image(folder / "lights.png", light_picture(sources, report), {.encoding = core::Encoding::kLinear});
 }
 
 }  // namespace lightstage::cli

@@ -308,6 +308,14 @@ ImportReport import_pictures(Store& store, const PictureSet& set, const std::str
     calibration.parameters = nlohmann::json{{"method", "import"}, {"format", set.format}}.dump();
     calibration.input_scans = {report.scan_id};
     store.add_calibration(calibration, lights);
+    if (set.colour) {
+      NewProduct colour;
+      colour.kind = "colour";
+      colour.stage_key = scan.stage_key;
+      colour.parameters = nlohmann::json{{"matrix", *set.colour}}.dump();
+      colour.input_scans = {report.scan_id};
+      store.add_product(colour);
+    }
   });
   report.pictures = set.pictures.size();
   report.size = inspection.size;

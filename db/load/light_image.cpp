@@ -1,7 +1,5 @@
 #include "db/load/light_image.h"
 
-#include <algorithm>
-
 #include "core/error.h"
 
 namespace lightstage::db {
@@ -26,27 +24,28 @@ void divide_by_gain(core::Image& image, const std::array<double, 3>& gain) {
   }
 }
 
-core::Image merge_exposures(std::span<const Exposure> exposures) {
-  // Sensors leave linearity a little before they clip.
-  constexpr double kReliable = 0.95;
-  core::Image merged(exposures.front().image.size());
-  for (const Exposure& e : exposures) {
-    if (e.image.size() != merged.size()) throw core::StoreError("exposures of one light differ in size");
+void divide_by_flat(core::Image& image, core::ImageView flat) {
+  if (flat.empty()) return;
+  const bool same_channels = flat.channels() == image.channels();
+  if (flat.height() != image.height() || flat.width() != image.width() || (!same_channels && flat.channels() != 1)) {
+    throw core::StoreError("a flat field is not of the size of the frames it is for");
   }
-  const auto limit = [](const Exposure& e) { return e.saturation > 0 ? e.saturation : HUGE_VAL; };
-  const auto last = std::max_element(exposures.begin(), exposures.end(),
-                                     [&](const auto& a, const auto& b) { return limit(a) < limit(b); });
-  for (std::size_t i = 0; i < merged.values().size(); ++i) {
-    double sum = 0, seconds = 0;
-    for (const Exposure& e : exposures) {
-      const double value = double(e.image.values()[i]);
-      if (value >= kReliable * limit(e)) continue;
-      sum += e.seconds * value;
-      seconds += e.seconds;
+  const int repeats = same_channels ? 1 : image.channels();
+  for (int y = 0; y < image.height(); ++y) {
+    float* row = image.pixel(y, 0);
+    for (int i = 0; i < image.width() * image.channels(); ++i) row[i] /= flat.row(y)[i / repeats];
+  }
+}
+
+void apply_colour(core::Image& image, const ColourMatrix& matrix) {
+  if (image.channels() != 3) return;
+  const auto values = image.values();
+  for (std::size_t i = 0; i < values.size(); i += 3) {
+    const std::array<double, 3> in{double(values[i]), double(values[i + 1]), double(values[i + 2])};
+    for (std::size_t c = 0; c < 3; ++c) {
+      values[i + c] = float(matrix[c][0] * in[0] + matrix[c][1] * in[1] + matrix[c][2] * in[2]);
     }
-    merged.values()[i] = seconds > 0 ? float(sum / seconds) : last->image.values()[i];
   }
-  return merged;
 }
 
 }  // namespace lightstage::db

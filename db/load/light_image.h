@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <span>
 
 #include "core/image.h"
 
@@ -14,17 +13,12 @@ void subtract_dark(core::Image& image, core::ImageView dark);
 // Each channel divided by the light's gain in it; a grey image by the mean of the gains.
 void divide_by_gain(core::Image& image, const std::array<double, 3>& gain);
 
-// One exposure of a light: values are radiance, reliable below `saturation` (0: everywhere).
-struct Exposure {
-  core::Image image;
-  double seconds = 0;
-  double saturation = 0;
-};
-
-// Several exposures of one light as one image: the mean of the values that are not near saturation, weighted
-// by exposure time, as photons are counted (shot noise: the variance of radiance falls with the time). A
-// value that saturates in all of them is taken from the one that saturates last. Throws StoreError when sizes
+// Each value divided by the flat field's, which has as many channels or one. Empty changes nothing. Throws StoreError when the sizes
 // differ.
-core::Image merge_exposures(std::span<const Exposure> exposures);
+void divide_by_flat(core::Image& image, core::ImageView flat);
+
+// The colours of each pixel of a picture of three channels by this matrix, a row a channel; others stay as they are.
+using ColourMatrix = std::array<std::array<double, 3>, 3>;
+void apply_colour(core::Image& image, const ColourMatrix& matrix);
 
 }  // namespace lightstage::db

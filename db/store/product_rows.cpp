@@ -171,6 +171,14 @@ std::optional<Product> Store::newest_calibration(std::string_view stage_key) con
   return impl_->first_product("WHERE kind = 'calibration' AND stage_key = ? ORDER BY id DESC LIMIT 1", stage_key);
 }
 
+std::optional<Product> Store::newest_of_camera(std::string_view kind, std::string_view stage_key,
+                                               std::string_view camera) const {
+  return impl_->first_product(
+      "WHERE kind = ? AND stage_key = ? AND coalesce(json_extract(parameters, '$.camera'), ?) = ? ORDER BY id "
+      "DESC LIMIT 1",
+      kind, stage_key, camera, camera);
+}
+
 std::vector<CalibratedLight> Store::calibrated_lights(Id calibration_id) const {
   return explaining(folder(), [&] {
     std::vector<CalibratedLight> lights;

@@ -19,10 +19,11 @@ double wave(double seconds, std::uint64_t seed) {
 
 }  // namespace
 
-Motion::Motion(const MotionSpec& spec, double yaw_degrees, std::uint64_t seed) : spec_(spec), seed_(seed) {
-  if (yaw_degrees != 0) {
-    rest_.rotation = core::rotation_about({0, 1, 0}, core::radians_from_degrees(yaw_degrees));
+Motion::Motion(const MotionSpec& spec, const SubjectSpec& subject, std::uint64_t seed) : spec_(spec), seed_(seed) {
+  if (subject.yaw_degrees != 0) {
+    rest_.rotation = core::rotation_about({0, 1, 0}, core::radians_from_degrees(subject.yaw_degrees));
   }
+  rest_.translation = subject.position;
 }
 
 // A vector in the unit ball: mostly sideways, least towards the camera, as a standing person sways.
@@ -41,7 +42,7 @@ core::RigidTransform Motion::stage_from_subject(core::Nanoseconds t) const {
     const double angle = core::norm(rotation);
     if (angle > 0) pose.rotation = core::rotation_about(rotation, angle) * pose.rotation;
   }
-  if (spec_.amplitude_m != 0) pose.translation = wander(seconds, 1) * spec_.amplitude_m;
+  if (spec_.amplitude_m != 0) pose.translation = rest_.translation + wander(seconds, 1) * spec_.amplitude_m;
   return pose;
 }
 

@@ -11,12 +11,13 @@ namespace lightstage::sim {
 
 class Motion {
  public:
-  Motion(const MotionSpec& spec, double yaw_degrees, std::uint64_t seed);
+  // About where the subject stands.
+  Motion(const MotionSpec& spec, const SubjectSpec& subject, std::uint64_t seed);
 
   // The pose at time t. The drift from the rest pose is never longer than the amplitude, the rotation from it
   // never larger than rotation_degrees; the rest pose exactly where both are 0.
   core::RigidTransform stage_from_subject(core::Nanoseconds t) const;
-  // Without any motion: the yaw alone.
+  // Without any motion: yaw and place alone.
   core::RigidTransform rest() const { return rest_; }
 
  private:

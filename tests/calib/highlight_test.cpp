@@ -140,6 +140,49 @@ TEST_CASE("two spots of like strength, a spot at the border and a clipped ball a
   CHECK(estimate_light({0, white, 1}, camera(), kBall, 1.5).reason.starts_with("overexposed"));
 }
 
+TEST_CASE("two lamps whose highlights touch are named, not placed in between") {
+  const Sphere ball = kBall;
+  const core::CameraModel big = test::stage_camera(800);  // the ball's image has a radius of 144 pixels
+  const auto at = [](double longitude) {
+    return test::Lamp{core::Direction::from_longitude_latitude_degrees(longitude, 12).vec() * 1.5, 0.03, 1};
+  };
+  const auto estimate = [&](const std::vector<test::Lamp>& lamps, double exposure) {
+    const core::Image radiance = test::mirror_reflections(big, ball, lamps, 0.7);
+    return estimate_light({0, test::through_sensor(radiance, exposure, 7), 1 / exposure}, big, ball, 1.5);
+  };
+  // Discs 2.3 degrees across: their images are 2.9 pixels across in the middle of the ball. Clipped ones that overlap more are one spot.
+  for (const double longitude : {-40.0, 10.0, 55.0}) {
+    for (const double exposure : {2e-4, 5e-3}) {
+      const LightEstimate one = estimate({at(longitude)}, exposure);
+      INFO("longitude " << longitude << ", exposure " << exposure << ": " << one.reason);
+      CHECK(one.placed);
+      const LightEstimate two = estimate({at(longitude), at(longitude + (exposure > 1e-3 ? 4.6 : 3.4))}, exposure);
+      INFO("two: " << two.reason << (two.highlight ? two.highlight->rival : 0));
+      CHECK_FALSE(two.placed);
+      CHECK(two.reason.starts_with("double"));
+    }
+  }
+}
+
+TEST_CASE("single highlights of any size and place are not taken for two") {
+  const core::CameraModel big = test::stage_camera(800);
+  for (const double radius : {0.004, 0.012, 0.05, 0.1}) {
+    for (int i = 0; i < 12; ++i) {
+      const test::Lamp lamp{core::Direction::from_longitude_latitude_degrees(-100 + 17.3 * i, 40 - 9.1 * i).vec() * 1.5,
+                            radius, 1};
+      const core::Image radiance = test::mirror_reflections(big, kBall, {lamp}, 0.5);
+      for (const double share : {0.4, 8.0, 300.0}) {
+        const float peak = *std::max_element(radiance.values().begin(), radiance.values().end());
+        const double exposure = share / double(peak);
+        const auto found =
+            find_highlight(test::through_sensor(radiance, exposure, std::uint64_t(i)), big, kBall, 1 / exposure);
+        INFO("radius " << radius << ", light " << i << ", exposed " << share << " times");
+        if (found) CHECK_FALSE(found->parted);
+      }
+    }
+  }
+}
+
 TEST_CASE("lights two degrees apart are told apart") {
   const Sphere ball = kBall;
   std::vector<LightEstimate> found;

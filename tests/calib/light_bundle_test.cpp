@@ -154,7 +154,7 @@ TEST_CASE("one ball gives directions only with the stage's radius") {
     CHECK_FALSE(light.placed);
     CHECK(light.reason.find("seen only once") != std::string::npos);
   }
-  input.stage_radius = StageRadius{1.5, 0.01};
+  for (std::size_t i = 0; i < lights.size(); ++i) input.distances[int(i)] = {1.5, 0.01};
   for (const BundledLight& light : bundle_lights(input).lights) {
     REQUIRE(light.placed);
     CHECK(test::degrees_between(light.position, lights[std::size_t(light.light_index)].position) <
@@ -176,7 +176,7 @@ TEST_CASE("what makes no bundle is refused") {
   bad.outlines[0].camera = 3;
   CHECK_THROWS_AS(bundle_lights(bad), core::BadInput);
   bad = good;
-  bad.stage_radius = StageRadius{0, 1};
+  bad.distances[0] = {0, 1};
   CHECK_THROWS_AS(bundle_lights(bad), core::BadInput);
   CHECK(bundle_lights({}).lights.empty());
 }

@@ -2,6 +2,7 @@
 
 #include <catch2/catch.hpp>
 #include <limits>
+#include <random>
 
 #include "calib/ball_pictures.h"
 #include "core/error.h"
@@ -45,6 +46,38 @@ TEST_CASE("the grey ball gives each light's gain, channel by channel") {
     CHECK(mono.gain[0] == Approx(1).epsilon(0.004));
     CHECK(mono.gain[0] == mono.gain[2]);
   }
+}
+
+TEST_CASE(
+    "gains are within 1 % at 40 dB where lights and ball are as exact as calibration makes them, and say how sure they "
+    "are") {
+  constexpr double kLightSigma = 0.003, kSaturation = 1.25;
+  const core::CameraModel camera = test::stage_camera(160);
+  const std::vector<test::Lamp> lamps = test::stage_lamps(45, 1.5, 0, 4);
+  const core::Image full_on = test::lambertian_ball(camera, kBall, lamps, kAlbedo, 0.5);
+  const Sphere ball = locate_sphere(test::through_sensor(full_on, 0.5 / 15, 77), camera, kBall.radius_m);
+  std::mt19937 generator(11);
+  std::normal_distribution<double> normal(0, kLightSigma);
+  std::vector<double> errors;
+  double squares = 0;
+  for (std::size_t i = 0; i < lamps.size(); ++i) {
+    const core::Image grey = test::lambertian_ball(camera, kBall, {lamps[i]}, kAlbedo, 0.5);
+    const core::Image picture = test::through_sensor(grey, 1 / kSaturation, 100 + i);
+    const Vec3 off{normal(generator), normal(generator), normal(generator)};
+    const GainEstimate gain =
+        estimate_gain(picture, camera, ball, kAlbedo, lamps[i].position + off, kSaturation, kLightSigma);
+    if (!gain.measured) continue;
+    errors.push_back(std::abs(gain.gain[0] - 1));
+    squares += std::pow((gain.gain[0] - 1) / gain.sigma[0], 2);
+    CHECK(gain.relative_sigma == Approx(gain.sigma[0] / gain.gain[0]));
+  }
+  const double n = double(errors.size());
+  INFO(n << " lights, median error " << test::median(errors) << ", 95 % " << test::percentile(errors, 0.95)
+         << ", error over standard error " << std::sqrt(squares / n));
+  CHECK(n >= 30);
+  CHECK(test::percentile(errors, 0.95) < 0.01);
+  CHECK(std::sqrt(squares / n) > 0.75);
+  CHECK(std::sqrt(squares / n) < 1.3);
 }
 
 TEST_CASE("a near light is seen nearer, not stronger") {

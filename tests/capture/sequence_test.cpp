@@ -70,6 +70,30 @@ TEST_CASE("an OLAT sequence has dark, full-on, every light once, tracking frames
   CHECK(next_light == 7);
 }
 
+TEST_CASE("a bracket takes every light with each exposure, and dark frames of each") {
+  OlatOptions options;
+  options.light_count = 4;
+  options.tracking_every = 2;
+  options.dark_frames = 2;
+  options.exposure = 20 * core::kMillisecond;
+  options.further_exposures = {5 * core::kMillisecond, 80 * core::kMillisecond};
+  const Sequence sequence = capture::make_olat_sequence(options);
+  std::vector<core::Nanoseconds> dark, light;
+  for (const db::Step& step : sequence.steps) {
+    if (step.kind == StepKind::kDark) dark.push_back(step.exposure_ns / core::kMillisecond);
+    if (step.kind == StepKind::kLight && *step.light_index == 1) light.push_back(step.exposure_ns / core::kMillisecond);
+    if (step.kind == StepKind::kTracking) CHECK(step.exposure_ns == 15 * core::kMillisecond);
+  }
+  CHECK(dark == std::vector<core::Nanoseconds>{20, 20, 5, 5, 80, 80});
+  CHECK(light == std::vector<core::Nanoseconds>{20, 5, 80});
+  CHECK(sequence.steps.size() == 6 + 1 + 3 + 12);
+  CHECK(capture::parse_sequence(capture::to_toml(sequence), "sequence.toml", 4).steps.size() == sequence.steps.size());
+  options.further_exposures = {20 * core::kMillisecond};
+  CHECK_THROWS_AS(capture::make_olat_sequence(options), core::UsageError);
+  options.further_exposures = {0};
+  CHECK_THROWS_AS(capture::make_olat_sequence(options), core::UsageError);
+}
+
 TEST_CASE("tracking, dark and full-on frames can be left out") {
   OlatOptions options;
   options.light_count = 2;

@@ -255,25 +255,6 @@ TEST_CASE_METHOD(Fixture, "images are read when they are used, also after the st
   CHECK_THROWS_AS(loaded->scan.image(1), core::StoreError);
 }
 
-TEST_CASE("exposures of one light are merged by time, without what is saturated") {
-  const auto exposure = [](std::vector<float> values, double seconds, double saturation) {
-    core::Image image(1, int(values.size()), 1);
-    std::copy(values.begin(), values.end(), image.values().begin());
-    return db::Exposure{image, seconds, saturation};
-  };
-  // Long: clips at 1; short: clips at 4.
-  const std::vector<db::Exposure> exposures{exposure({0.5F, 1.0F, 1.0F, 0.96F}, 3, 1),
-                                            exposure({0.7F, 2.0F, 4.0F, 0.9F}, 1, 4)};
-  const core::Image merged = db::merge_exposures(exposures);
-  CHECK(merged(0, 0) == Approx((3 * 0.5 + 0.7) / 4));
-  CHECK(merged(0, 1) == 2.0F);
-  CHECK(merged(0, 2) == 4.0F);  // saturated in both: the one that saturates last
-  CHECK(merged(0, 3) == 0.9F);  // too near the end of the long one's range
-  const std::vector<db::Exposure> unknown{exposure({1}, 1, 0), exposure({2}, 3, 0)};
-  CHECK(db::merge_exposures(unknown)(0, 0) == 1.75F);
-  CHECK_THROWS_AS(db::merge_exposures(std::vector{exposure({1}, 1, 0), exposure({1, 2}, 1, 0)}), core::StoreError);
-}
-
 TEST_CASE("a light shot with several exposures is one light of the scan") {
   const test::TemporaryFolder folder;
   db::Store store = db::Store::create(folder / "store");
@@ -287,6 +268,97 @@ TEST_CASE("a light shot with several exposures is one light of the scan") {
   options.nominal_lights.resize(2);
   const db::LoadedScan loaded = db::load_scan(store, "a", options);
   CHECK(loaded.light_index == std::vector<int>{0, 1});
-  CHECK((*loaded.scan.image(0))(0, 0) == Approx(1.75));
+  CHECK((*loaded.scan.image(0))(0, 0) == Approx(1.75).epsilon(1e-3));
   CHECK((*loaded.scan.image(1))(0, 0) == 4.0F);
+}
+
+TEST_CASE("every exposure of a bracket loses the dark frames of its own length, or of the longest") {
+  const test::TemporaryFolder folder;
+  db::Store store = db::Store::create(folder / "store");
+  db::NewScan scan = test::olat_scan("a", 1);
+  constexpr std::int64_t kMs = 1'000'000;
+  using enum db::StepKind;
+  scan.steps = {{.step_index = 0, .kind = kDark, .exposure_ns = 10 * kMs},
+                {.step_index = 1, .kind = kDark, .exposure_ns = 40 * kMs},
+                {.step_index = 2, .kind = kLight, .light_index = 0, .exposure_ns = 10 * kMs},
+                {.step_index = 3, .kind = kLight, .light_index = 0, .exposure_ns = 40 * kMs},
+                {.step_index = 4, .kind = kTracking, .exposure_ns = kMs}};
+  const db::Id id = store.add_scan(scan);
+  const auto put = [&](int step, float value, double saturation) {
+    store.put_frame({.scan_id = id, .camera = "main", .step_index = step, .saturation = saturation}, constant(value));
+  };
+  put(0, 0.5F, 4);
+  put(1, 0.25F, 1);
+  put(2, 2.5F, 4);
+  put(3, 1, 1);  // clipped
+  put(4, 3, 40);
+  CHECK(db::dark_level(store, store.scan(id), "main", 10 * kMs) == constant(0.5F));
+  CHECK(db::dark_level(store, store.scan(id), "main", kMs) == constant(0.25F));
+  CHECK(db::dark_level(store, store.scan(id), "main") == constant(0.25F));
+  db::LoadOptions options;
+  options.nominal_lights.resize(1);
+  CHECK((*db::load_scan(store, "a", options).scan.image(0))(1, 1) == 2.0F);
+}
+
+TEST_CASE_METHOD(Fixture, "frames are divided by the camera's newest flat field, and colours follow its matrix") {
+  put_all();
+  calibrate();
+  const auto add = [&](const std::string& kind, const std::string& parameters, const core::Image& flat) {
+    db::NewProduct product;
+    product.kind = kind;
+    product.stage_key = "stage";
+    product.parameters = parameters;
+    if (!flat.empty()) product.images = {{"flat", 0, store.put_object(flat), 0}};
+    return store.add_product(product);
+  };
+  core::Image flat = constant(1, 1);
+  flat(1, 2) = 0.5F;
+  add("flat_field", R"({"camera": "main"})", constant(0.25F, 1));
+  const db::Id newest = add("flat_field", R"({"camera": "main"})", flat);
+  add("flat_field", R"({"camera": "side"})", constant(0.25F, 1));
+  const db::LoadedScan loaded = db::load_scan(store, "head");
+  CHECK(loaded.flat_id == newest);
+  CHECK((*loaded.scan.image(0))(0, 0, 0) == 2.0F);
+  CHECK((*loaded.scan.image(0))(1, 2, 0) == 4.0F);
+  const db::Scan scan = store.scan("head");
+  const db::FlatField found = db::flat_field(store, scan, "main");
+  CHECK(found.image == flat);
+  CHECK(db::load_frame(store, store.frames(scan_id, "main")[2], constant(0.5F), found.image)(1, 2, 2) == 4.0F);
+
+  // Aligned images were divided already where the alignment says so.
+  db::NewProduct alignment;
+  alignment.kind = "alignment";
+  alignment.scan_id = scan_id;
+  for (const int step : {2, 4, 5}) alignment.images.push_back({"aligned", step, store.put_object(constant(2)), 0});
+  store.add_product(alignment);
+  CHECK((*db::load_scan(store, "head").scan.image(0))(1, 2, 0) == 4.0F);
+  alignment.input_products = {newest};
+  store.add_product(alignment);
+  const db::LoadedScan aligned = db::load_scan(store, "head");
+  CHECK((*aligned.scan.image(0))(1, 2, 0) == 2.0F);
+  CHECK_FALSE(aligned.flat_id);
+
+  const db::Id colour = add("colour", R"({"matrix": [[0, 2, 0], [0, 0, 4], [1, 0, 0]]})", {});
+  const db::LoadedScan coloured = db::load_scan(store, "head");
+  CHECK(coloured.colour_id == colour);
+  // Light 5 has gain 1, 2, 4.
+  CHECK((*coloured.scan.image(0))(0, 0, 0) == 2.0F);
+  CHECK((*coloured.scan.image(0))(0, 0, 1) == 2.0F);
+  CHECK((*coloured.scan.image(0))(0, 0, 2) == 2.0F);
+  CHECK(coloured.products().size() == 3);
+  add("colour", R"({"matrix": [[0, 2, 0], [0, 0, 4]]})", {});
+  CHECK_THROWS_AS(db::load_scan(store, "head"), core::StoreError);
+}
+
+TEST_CASE_METHOD(Fixture, "a flat field of another size is not used") {
+  put_all();
+  calibrate();
+  db::NewProduct product;
+  product.kind = "flat_field";
+  product.stage_key = "stage";
+  product.images = {{"flat", 0, store.put_object(core::Image(8, 10, 3)), 0}};
+  store.add_product(product);
+  const db::LoadedScan loaded = db::load_scan(store, "head");
+  CHECK_FALSE(loaded.flat_id);
+  CHECK((*loaded.scan.image(0))(0, 0, 0) == 2.0F);
 }

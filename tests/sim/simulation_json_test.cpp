@@ -26,7 +26,8 @@ sim::Simulation unusual() {
                .mesh_hash = "00ff",
                .size_m = 0.1 + 0.2,
                .albedo = 1.0 / 7,
-               .yaw_degrees = -12.5};
+               .yaw_degrees = -12.5,
+               .position = {0.1, -1.0 / 3, 0}};
   s.motion = {.amplitude_m = 1e-17, .rotation_degrees = 0.1};
   s.sensor = {.noise = false,
               .full_well_electrons = 1e5,
@@ -66,6 +67,7 @@ TEST_CASE("a simulation survives JSON in every field") {
   CHECK(after.subject.size_m == before.subject.size_m);
   CHECK(after.subject.albedo == before.subject.albedo);
   CHECK(after.subject.yaw_degrees == before.subject.yaw_degrees);
+  CHECK(after.subject.position == before.subject.position);
   CHECK(after.motion.amplitude_m == before.motion.amplitude_m);
   CHECK(after.motion.rotation_degrees == before.motion.rotation_degrees);
   CHECK(after.sensor.noise == before.sensor.noise);

@@ -210,3 +210,32 @@ TEST_CASE("the mirror ball in the world: highlights at the true lights, a silhou
     }
   }
 }
+
+TEST_CASE("a mirror ball that stands aside shows the lights from there, and a grey one their light") {
+  const core::Vec3 place{0.06, -0.04, 0.05};
+  sim::Simulation simulation = test::still_simulation(sim::SubjectKind::kMirrorBall, 60, 160);
+  simulation.subject.position = place;
+  const sim::World world(simulation);
+  const core::CameraModel& camera = test::camera_of(world);
+  const core::Vec3 light = *world.true_lights()[17].position;
+  const capture::LightLevel level{17};
+  const core::Image one = world.render(camera, {&level, 1}, 0);
+  const core::Pixel expected = *camera.project(shortest_way(camera.centre() - place, light - place) + place);
+  const auto brightest = std::max_element(one.values().begin(), one.values().end()) - one.values().begin();
+  CHECK(std::abs(double(brightest / 3 % 160) - expected.x) <= 0.51);
+  CHECK(std::abs(double(brightest / 3 / 160) - expected.y) <= 0.51);
+
+  simulation.subject.kind = sim::SubjectKind::kGreyBall;
+  simulation.subject.albedo = 0.5;
+  const sim::World grey(simulation);
+  const core::Image lit = grey.render(camera, {&level, 1}, 0);
+  // The point between the directions to the camera and to the light.
+  const core::Vec3 to_light = light - place, to_camera = camera.centre() - place;
+  const core::Vec3 sum = to_light / norm(to_light) + to_camera / norm(to_camera);
+  const core::Vec3 normal = sum / norm(sum), point = place + normal * kRadius;
+  const core::Vec3 way = light - point;
+  const double radiance =
+      0.5 * dot(normal, way) / norm(way) * dot(light, light) / dot(way, way) * world.true_lights()[17].gain[1];
+  const core::Pixel seen = *camera.project(point);
+  CHECK(lit(int(std::lround(seen.y)), int(std::lround(seen.x)), 1) == Approx(radiance).epsilon(0.03));
+}

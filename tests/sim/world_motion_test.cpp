@@ -30,7 +30,7 @@ float look_up(const core::Image& image, double x, double y, int c) {
 TEST_CASE("motion is smooth, bounded by its amplitudes, and nearly uses them") {
   const sim::MotionSpec spec{.amplitude_m = 0.004, .rotation_degrees = 0.6};
   for (const std::uint64_t seed : {1u, 2u, 3u}) {
-    const sim::Motion motion(spec, 0, seed);
+    const sim::Motion motion(spec, {}, seed);
     double farthest = 0, widest = 0, fastest = 0;
     core::RigidTransform before = motion.stage_from_subject(0);
     for (int step = 1; step <= 2000; ++step) {
@@ -48,13 +48,13 @@ TEST_CASE("motion is smooth, bounded by its amplitudes, and nearly uses them") {
   }
 }
 
-TEST_CASE("without amplitude nothing moves at all, and calibration targets never do") {
+TEST_CASE("without amplitude nothing moves at all, and balls never do") {
   sim::Simulation still = test::still_simulation(SubjectKind::kProceduralHead, 3, 24);
   const World head(still);
   const capture::LightLevel level{0};
   CHECK(head.render(test::camera_of(head), {&level, 1}, 0) ==
         head.render(test::camera_of(head), {&level, 1}, 5 * kSecond));
-  for (const SubjectKind kind : {SubjectKind::kMirrorBall, SubjectKind::kGreyBall, SubjectKind::kChessboard}) {
+  for (const SubjectKind kind : {SubjectKind::kMirrorBall, SubjectKind::kGreyBall}) {
     sim::Simulation simulation = test::still_simulation(kind, 3, 24);
     simulation.motion = {.amplitude_m = 0.05, .rotation_degrees = 5};
     const World world(simulation);
@@ -69,6 +69,22 @@ TEST_CASE("without amplitude nothing moves at all, and calibration targets never
   }
 }
 
+TEST_CASE("a chessboard is held still for a second, then in another pose") {
+  sim::Simulation simulation = test::still_simulation(SubjectKind::kChessboard, 3, 24);
+  simulation.motion.amplitude_m = 0.004;
+  const World world(simulation);
+  const auto longest = [&](core::Nanoseconds from, core::Nanoseconds to) {
+    double result = 0;
+    const core::Image flow = world.true_flow(test::camera_of(world), from, to);
+    for (const float v : flow.values()) {
+      if (!std::isnan(v)) result = std::max(result, std::abs(double(v)));
+    }
+    return result;
+  };
+  CHECK(longest(kSecond / 100, kSecond * 99 / 100) == 0);
+  CHECK(longest(kSecond / 2, kSecond * 3 / 2) > 0.5);
+}
+
 TEST_CASE("the true flow is the projected motion of the point seen") {
   const test::TemporaryFolder folder;
   test::write_wall_and_plate(folder / "wall.obj", 0.05);
@@ -80,7 +96,7 @@ TEST_CASE("the true flow is the projected motion of the point seen") {
   simulation.seed = 9;
   const World world(simulation);
   const core::CameraModel& camera = test::camera_of(world);
-  const sim::Motion motion(simulation.motion, 20, 9);
+  const sim::Motion motion(simulation.motion, {.yaw_degrees = 20}, 9);
   const core::RigidTransform from = motion.stage_from_subject(kSecond), to = motion.stage_from_subject(4 * kSecond);
   const core::Image flow = world.true_flow(camera, kSecond, 4 * kSecond);
   int seen = 0, moved = 0;
