@@ -105,9 +105,9 @@ std::optional<Centroid> weighted_centroid(const BallRegion& region, const Spot& 
     spread += std::pow(weighing.slope(p.height) * distance, 2) / 2 * noise_squared;
     partial += 4 * p.weight * std::max(0.0, 1 - p.weight);
   }
-  // Noise, and what the pixel grid leaves unknown of a clipped spot: a third of a pixel when no pixel of its
-  // boundary is partly covered, the less the more are.
-  const double grid = weighing.logarithmic ? 0.3 / (1 + partial) : 0;
+  // Noise, and what the pixel grid leaves unknown of a clipped spot: a quarter of a pixel when no pixel of its
+  // boundary is partly covered, the less the more are (on rendered balls).
+  const double grid = weighing.logarithmic ? 0.23 / (1 + partial) : 0;
   centroid.sigma_px = std::hypot(std::sqrt(spread) / sum, grid);
   return centroid;
 }

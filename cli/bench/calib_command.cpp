@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cli/bench/board_bench.h"
 #include "cli/bench/calib_bench.h"
 #include "cli/bench/exposure_bench.h"
 #include "cli/format.h"
@@ -90,6 +91,34 @@ std::string frontier_plot(const std::vector<CalibRow>& rows) {
   return svg_plots({directions, positions}, 2);
 }
 
+std::vector<std::string> cells_of(const BoardBenchRow& row) {
+  if (!row.refused.empty()) return {std::to_string(row.views), row.corners, row.distortion, row.refused};
+  return {std::to_string(row.views),
+          row.corners,
+          row.distortion,
+          fixed(row.seconds, 1),
+          fixed(row.undistorted_px, 3),
+          fixed(row.focal_percent, 3),
+          fixed(row.principal_px, 2),
+          fixed(row.position_mm, 2),
+          fixed(row.rotation_degrees, 3)};
+}
+
+ordered_json json_of(const BoardBenchRow& row) {
+  ordered_json object{{"knobs", {{"views", row.views}, {"corners", row.corners}, {"distortion", row.distortion}}},
+                      {"seconds", row.seconds}};
+  if (!row.refused.empty()) {
+    object["refused"] = row.refused;
+    return object;
+  }
+  object["error"] = row.undistorted_px;
+  object["focal_percent"] = row.focal_percent;
+  object["principal_px"] = row.principal_px;
+  object["position_mm"] = row.position_mm;
+  object["rotation_deg"] = row.rotation_degrees;
+  return object;
+}
+
 void run(const Options& options, Context& context) {
   if (!options.out.empty()) core::make_folder(options.out);
   const std::vector<CalibKnobs> knobs = settings();
@@ -159,6 +188,13 @@ void run(const Options& options, Context& context) {
                         {"error", row.noise_percent},
                         {"largest_deviation_percent", row.largest_deviation_percent}});
   }
+  std::vector<std::vector<std::string>> board_cells{{"views", "corners", "distortion", "seconds", "undistorted px",
+                                                     "focal %", "principal px", "place mm", "turn deg"}};
+  ordered_json boards = ordered_json::array();
+  for (const BoardBenchRow& row : bench_boards()) {
+    board_cells.push_back(cells_of(row));
+    boards.push_back(json_of(row));
+  }
   const ordered_json json{{"stages", options.stages},
                           {"lights", all.lights},
                           {"placed", all.placed},
@@ -178,7 +214,8 @@ void run(const Options& options, Context& context) {
                           {"hdr_linearity_percent", hdr_percent},
                           {"photographs", photograph_rows},
                           {"frontier", frontier},
-                          {"bracket_frontier", brackets}};
+                          {"bracket_frontier", brackets},
+                          {"board_frontier", boards}};
   std::string text =
       std::to_string(options.stages) + " simulated stages of " + std::to_string(options.lights) +
       " lights at 1.2 to 2.5 m, two mirror balls of " + std::to_string(options.ball_px) +
@@ -191,7 +228,8 @@ void run(const Options& options, Context& context) {
       " % median, " + fixed(100 * gains.p95_error, 2) + " % 95 %, " + fixed(100 * gains.within_1_percent, 1) +
       " % within 1 %; over standard errors " + fixed(gains.ratio, 2) + "; " + std::to_string(gains.measured) + " of " +
       std::to_string(gains.lights) + " measured\n  merged exposures: " + fixed(hdr_percent, 3) +
-      " % from proportional at most, over 14 stops\n\n" + table(cells) + "\n" + table(bracket_cells);
+      " % from proportional at most, over 14 stops\n\n" + table(cells) + "\n" + table(bracket_cells) +
+      "\nTwo cameras from rendered boards\n" + table(board_cells);
   if (photograph_cells.size() > 1) text += "\n" + table(photograph_cells);
   if (!options.out.empty()) {
     core::write_file_atomically(options.out / "calib.json", json.dump(1) + "\n");

@@ -63,7 +63,7 @@ core::Nanoseconds whole_units(core::Nanoseconds exposure) {
 capture::Sequence board_sequence(const CaptureRequest& request, std::size_t lights) {
   constexpr core::Nanoseconds kTimeToMove = 2 * core::kSecond;
   core::Nanoseconds exposure = capture::default_full_on_exposure(20 * core::kMillisecond, lights);
-  if (request.exposure_ms) exposure = core::from_units(*request.exposure_ms, core::kMillisecond);
+  if (!request.exposure_ms.empty()) exposure = core::from_units(request.exposure_ms.front(), core::kMillisecond);
   if (!request.simulate) exposure = whole_units(exposure);
   capture::Sequence sequence;
   sequence.settle = kTimeToMove;
@@ -76,6 +76,9 @@ capture::Sequence board_sequence(const CaptureRequest& request, std::size_t ligh
 }
 
 capture::Sequence default_sequence(const CaptureRequest& request, std::size_t lights) {
+  if (request.exposure_ms.size() > 1 && (request.mirror_ball || request.grey_ball || request.chessboard)) {
+    throw core::UsageError("--exposure: a pass of a ball or a board takes one exposure; give it once");
+  }
   if (request.chessboard) return board_sequence(request, lights);
   capture::OlatOptions olat;
   olat.light_count = lights;
@@ -86,9 +89,6 @@ capture::Sequence default_sequence(const CaptureRequest& request, std::size_t li
     // surroundings.
     olat.full_on_exposure = 10 * capture::default_full_on_exposure(olat.exposure, lights);
     olat.exposure = kMirrorExposure;
-  }
-  if (request.exposure_ms.size() > 1 && (request.mirror_ball || request.grey_ball)) {
-    throw core::UsageError("--exposure: a pass of a ball takes one exposure of every light; give it once");
   }
   if (!request.exposure_ms.empty()) {
     std::vector<core::Nanoseconds> exposures;

@@ -158,10 +158,11 @@ double worst_channel(const LightResidual& residual, const std::array<double, 3>&
 }
 
 std::string what_changed(const LightResidual& residual, const std::array<double, 3>& common) {
-  if (residual.gain_ratio == std::array<double, 3>{}) return "is dark";
+  constexpr double kDarkShare = 0.01;
   std::array<double, 3> ratio;
   for (std::size_t c = 0; c < 3; ++c) ratio[c] = residual.gain_ratio[c] / common[c];
   const double mean = (ratio[0] + ratio[1] + ratio[2]) / 3;
+  if (mean < kDarkShare) return "is dark";
   double colour = 0;
   for (const double r : ratio) colour = std::max(colour, std::abs(r / mean - 1));
   const std::string brightness = fixed(100 * std::abs(mean - 1), 1) + (mean < 1 ? " % dimmer" : " % brighter");
