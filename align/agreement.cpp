@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include <opencv2/imgproc.hpp>
+
 #include "align/motion_track.h"
 #include "align/tone/tone.h"
 #include "core/display.h"
@@ -27,9 +29,32 @@ std::string rounded(double value) {
   return std::to_string(std::lround(value));
 }
 
-// Mean squared difference by cells; cells with less than half of their pixels on the subject say nothing.
+int cell_side(core::ImageSize size) {
+  return std::max(8, std::max(size.width, size.height) / 32);
+}
+
+// 1 on the subject, 0 elsewhere.
+core::Image subject_of(core::ImageView key, core::ImageView mask) {
+  core::Image subject(key.height(), key.width(), 1);
+  for (int y = 0; y < key.height(); ++y) {
+    for (int x = 0; x < key.width(); ++x) subject(y, x) = mask.empty() || mask(y, x) > 0.5F ? 1.0F : 0.0F;
+  }
+  return subject;
+}
+
+// Half a cell along the subject's outline is not looked at: what a turning subject shows there, and the background that it uncovers,
+// has no counterpart in the key frame. Where the subject leaves the picture there is no outline.
+core::Image without_outline(const core::Image& mask) {
+  const int side = 2 * (cell_side(mask.size()) / 2) + 1;
+  core::Image inside = mask;
+  const cv::Mat view(inside.height(), inside.width(), CV_32F, inside.values().data());
+  cv::erode(view, view, cv::getStructuringElement(cv::MORPH_RECT, {side, side}));
+  return inside;
+}
+
+// Root mean square difference by cells; cells with less than half of their pixels in the mask say nothing.
 core::Image difference_by_cells(core::ImageView key, core::ImageView warped, core::ImageView mask) {
-  const int cell = std::max(8, std::max(key.width(), key.height()) / 32);
+  const int cell = cell_side(key.size());
   const double white = white_level(core::to_luminance(key));
   const core::Image a = encoded_luminance(core::to_luminance(key), white);
   const core::Image b = encoded_luminance(core::to_luminance(warped), white);
@@ -63,11 +88,10 @@ Agreement agreement_of(core::ImageView key, core::ImageView picture, const FlowF
   const core::Image warped = warp(picture, flow);
   Agreement agreement;
   // What left the picture is not known to differ.
-  core::Image seen(key.height(), key.width(), 1);
-  for (int y = 0; y < key.height(); ++y) {
-    for (int x = 0; x < key.width(); ++x) seen(y, x) = mask.empty() || mask(y, x) > 0.5F ? 1.0F : 0.0F;
-  }
+  core::Image seen = subject_of(key, mask);
+  core::Image inside = without_outline(seen);
   clear_outside(seen, flow);
+  clear_outside(inside, flow);
   agreement.residual = residual(key, warped, seen);
   agreement.motion_px = median_motion_px(flow, mask);
   std::size_t subject = 0, believed = 0;
@@ -79,7 +103,7 @@ Agreement agreement_of(core::ImageView key, core::ImageView picture, const FlowF
     }
   }
   if (subject > 0) agreement.believed = double(believed) / double(subject);
-  agreement.difference = difference_by_cells(key, warped, seen);
+  agreement.difference = difference_by_cells(key, warped, inside);
   return agreement;
 }
 

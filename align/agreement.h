@@ -15,10 +15,12 @@ struct Agreement {
   double residual = 0;   // as align::residual
   double believed = 1;   // share of the subject where the flow's confidence is not 0
   core::Image
-      difference;  // root mean square difference of display-encoded values by cells, one channel; 0 off the subject
+      difference;  // root mean square difference of display-encoded values by cells, one channel; 0 where the subject is not, or
+  // where the cell holds more of its outline than of what lies within
 };
 
-// Cells are squares of a 32nd of the longer side, at least 8 pixels, so that an eye covers one at least. Pictures, flow and confidence of
+// Cells are squares of a 32nd of the longer side, at least 8 pixels, so that an eye covers one at least; of a cell counts what lies half a
+// cell or more within the outline of the subject, where turning hides and uncovers. Pictures, flow and confidence of
 // equal sizes; `mask` as align::residual takes it. Throws BadInput when sizes differ.
 Agreement agreement_of(core::ImageView key, core::ImageView picture, const FlowField& flow, core::ImageView confidence,
                        core::ImageView mask);

@@ -20,7 +20,9 @@ namespace {
 constexpr int kWorkingSide = 384;
 constexpr int kSmallestSide = 32;
 constexpr std::size_t kNeighbours = 8;
-constexpr int kRounds = 5;
+// The width over which contrast is local, as a share of the longer side, round by round: coarse to catch what moved far, then fine, since
+// of what is wide most is shading, which moves with the light. Every round more lets light and motion be confused further.
+constexpr double kWindows[] = {0.04, 0.01, 0.01, 0.01};
 // Motion beyond this share of the longer side is not drift.
 constexpr double kFarthest = 0.08;
 constexpr double kLeastCorrelation = 0.25;
@@ -32,12 +34,12 @@ struct Contrast {
   cv::Mat_<uchar> lit;      // not 0 where there is light to see by
 };
 
-Contrast local_contrast(core::ImageView image) {
+Contrast local_contrast(const core::Image& luminance, double window_share) {
   constexpr float kDarkest = 0.01F;  // of white: below, noise is all there is
   constexpr double kLeastDeviation = 0.05;
-  const core::Image luminance = core::to_luminance(image);
+  constexpr double kLeastWindow = 4;  // pixels
   const double white = white_level(luminance);
-  const double window = 0.04 * std::max(luminance.width(), luminance.height());
+  const double window = std::max(kLeastWindow, window_share * std::max(luminance.width(), luminance.height()));
   cv::Mat_<float> log(luminance.height(), luminance.width());
   Contrast contrast;
   contrast.lit.create(log.size());
@@ -118,7 +120,10 @@ double flow_length(const cv::Mat_<float>& expected, const cv::Mat_<float>& seen,
 class Group {
  public:
   Group(const std::function<core::Image(std::size_t)>& picture, std::span<const core::Direction> lights)
-      : lights_(lights.begin(), lights.end()), contrasts_(lights.size()), motions_(lights.size()) {
+      : lights_(lights.begin(), lights.end()),
+        pictures_(lights.size()),
+        contrasts_(lights.size()),
+        motions_(lights.size()) {
     const core::ImageSize size = picture(0).size();
     if (std::min(size.width, size.height) < kSmallestSide) {
       throw core::BadInput("registration: pictures below " + std::to_string(kSmallestSide) + " pixels a side");
@@ -131,16 +136,21 @@ class Group {
         throw core::BadInput(what + " is of another size than the first");
       }
       core::require_finite(image, what);
-      contrasts_[i] = local_contrast(core::shrink_by_box(image, shrink_));
+      pictures_[i] = core::to_luminance(core::shrink_by_box(image, shrink_));
     });
-    size_ = contrasts_.front().picture.size();
+    size_ = {pictures_.front().width(), pictures_.front().height()};
   }
 
   std::vector<Registered> run() {
     std::vector<Registered> result(lights_.size());
     if (lights_.size() < 3) return result;
     std::vector<std::string> objections;
-    for (int round = 0; round < kRounds; ++round) {
+    double window = 0;
+    for (const double next_window : kWindows) {
+      if (next_window != window) {
+        window = next_window;
+        each([&](std::size_t i) { contrasts_[i] = local_contrast(pictures_[i], window); });
+      }
       std::vector<RigidMotion> next(lights_.size());
       objections.assign(lights_.size(), {});
       each([&](std::size_t i) { next[i] = registered(i, objections[i]); });
@@ -261,7 +271,8 @@ class Group {
   }
 
   std::vector<core::Direction> lights_;
-  std::vector<Contrast> contrasts_;
+  std::vector<core::Image> pictures_;  // luminance, of the working size
+  std::vector<Contrast> contrasts_;    // of the round's window
   std::vector<RigidMotion> motions_;
   cv::Size size_;
   int shrink_ = 1;

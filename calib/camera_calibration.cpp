@@ -1,18 +1,14 @@
 #include "calib/camera_calibration.h"
 
-#include <ceres/ceres.h>
-
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <deque>
 #include <map>
-#include <numbers>
 #include <set>
 
-#include "calib/board/lens_cost.h"
+#include "calib/board/bundle.h"
 #include "calib/board/start.h"
+#include "calib/robust/quantile.h"
 #include "core/direction.h"
 #include "core/error.h"
 #include "core/text.h"
@@ -35,270 +31,6 @@ constexpr const char* kHowToShow =
     "take 10 to 20 pictures of the board, tilted by 20 to 45 degrees about both of its axes, near and far, and in "
     "every corner "
     "of the picture";
-
-std::vector<int> fixed_terms(DistortionTerms terms) {
-  switch (terms) {
-    case DistortionTerms::kNone:
-      return {4, 5, 6, 7, 8};
-    case DistortionTerms::kK1:
-      return {5, 6, 7, 8};
-    case DistortionTerms::kK1K2:
-      return {6, 7, 8};
-    case DistortionTerms::kK1K2P1P2:
-      return {6};
-    case DistortionTerms::kAll:
-      return {};
-  }
-  return {};
-}
-
-constexpr std::array kLensNames{
-    "focal length", "focal length", "principal point", "principal point", "k1", "k2", "k3", "p1", "p2"};
-
-double median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + std::ptrdiff_t(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
-// The problem in the making: lenses and poses of those cameras and instants that are in it.
-class Bundle {
- public:
-  struct View {
-    std::size_t given = 0;  // into the views handed over
-    std::size_t camera = 0, instant = 0;
-    std::vector<BoardCorner> corners;
-  };
-
-  Bundle(const Board& board, DistortionTerms terms, std::size_t cameras, std::size_t instants)
-      : board_(board),
-        fixed_(fixed_terms(terms)),
-        lenses(cameras),
-        rig_from_camera(cameras),
-        rig_from_board(instants),
-        sigma_px(cameras, 1.0) {}
-
-  enum class Loss { kNone, kHuber, kCauchy };
-
-  // Returns the cost reached. The first camera stays where it is.
-  double minimise(Loss loss, int most_iterations = 100) {
-    Steps steps(*this);
-    ceres::Problem problem;
-    build(problem, steps, loss);
-    ceres::Solver::Options options;
-    options.linear_solver_type = ceres::SPARSE_SCHUR;
-    options.max_num_iterations = most_iterations;
-    options.function_tolerance = 1e-12;
-    options.parameter_tolerance = 1e-12;
-    options.num_threads = 1;
-    options.logging_type = ceres::SILENT;
-    ceres::Solver::Summary summary;
-    ceres::Solve(options, &problem, &summary);
-    for (std::size_t c = 0; c < lenses.size(); ++c) rig_from_camera[c] = stepped(rig_from_camera[c], steps.cameras[c]);
-    for (std::size_t i = 0; i < rig_from_board.size(); ++i) {
-      rig_from_board[i] = stepped(rig_from_board[i], steps.boards[i]);
-    }
-    return summary.IsSolutionUsable() ? summary.final_cost : INFINITY;
-  }
-
-  std::optional<core::Pixel> predicted(const View& view, const BoardCorner& corner) const {
-    const Step none{};
-    double pixel[2];
-    const auto in_rig = out_of_frame(rig_from_board[view.instant], none.data(), board_.corner(corner.id));
-    if (!project(lenses[view.camera].data(), into_frame(rig_from_camera[view.camera], none.data(), in_rig), pixel)) {
-      return std::nullopt;
-    }
-    return core::Pixel{pixel[0], pixel[1]};
-  }
-
-  double distance_px(const View& view, const BoardCorner& corner) const {
-    const std::optional<core::Pixel> p = predicted(view, corner);
-    return p ? std::hypot(p->x - corner.position.x, p->y - corner.position.y) : 1e6;
-  }
-
-  // From the median distance of each camera's corners, which few wrong ones do not move (Rayleigh's is 1.1774 standard errors).
-  void estimate_sigmas_by_median() {
-    constexpr double kMedianOfRayleigh = 1.1774;
-    for (std::size_t c = 0; c < lenses.size(); ++c) {
-      std::vector<double> distances;
-      for (const View& view : views) {
-        if (view.camera != c) continue;
-        for (const BoardCorner& corner : view.corners) distances.push_back(distance_px(view, corner));
-      }
-      sigma_px[c] = std::max(kExactPx, median(distances) / kMedianOfRayleigh);
-    }
-  }
-
-  // From the sums of squares, with what the parameters took up shared out by the number of corners.
-  void estimate_sigmas() {
-    std::size_t residuals = 0;
-    for (const View& view : views) residuals += 2 * view.corners.size();
-    const std::size_t unknowns = lenses.size() * (9 - fixed_.size()) + 6 * (lenses.size() - 1) + 6 * instants_used();
-    const double free_share = residuals > unknowns ? 1 - double(unknowns) / double(residuals) : 0;
-    for (std::size_t c = 0; c < lenses.size(); ++c) {
-      double square = 0;
-      std::size_t count = 0;
-      for (const View& view : views) {
-        if (view.camera != c) continue;
-        for (const BoardCorner& corner : view.corners) {
-          square += std::pow(distance_px(view, corner), 2);
-          count += 2;
-        }
-      }
-      if (count > 0 && free_share > 0) {
-        sigma_px[c] = std::max(kExactPx, std::sqrt(square / (double(count) * free_share)));
-      }
-    }
-  }
-
-  // Standard errors of lens and pose by camera, by inversion of the normal equations with their columns scaled to one. Names what is not
-  // determined: (camera, parameter).
-  struct Errors {
-    std::vector<CameraErrors> sigma;
-    std::vector<core::Mat3> position_covariance;
-    std::vector<std::pair<std::size_t, std::string>> undetermined;
-  };
-  Errors errors() {
-    Steps steps(*this);
-    ceres::Problem problem;
-    build(problem, steps, Loss::kNone);
-    struct Place {
-      std::size_t camera;
-      bool lens;
-      int column;  // of its first unknown
-    };
-    ceres::Problem::EvaluateOptions options;
-    std::vector<Place> places;
-    int columns = 0;
-    for (std::size_t c = 0; c < lenses.size(); ++c) {
-      options.parameter_blocks.push_back(lenses[c].data());
-      places.push_back({c, true, columns});
-      columns += 9 - int(fixed_.size());
-      if (c == 0) continue;
-      options.parameter_blocks.push_back(steps.cameras[c].data());
-      places.push_back({c, false, columns});
-      columns += 6;
-    }
-    for (const std::size_t i : used_instants()) options.parameter_blocks.push_back(steps.boards[i].data());
-    ceres::CRSMatrix jacobian;
-    problem.Evaluate(options, nullptr, nullptr, nullptr, &jacobian);
-    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(jacobian.num_cols, jacobian.num_cols);
-    for (int row = 0; row < jacobian.num_rows; ++row) {
-      const auto first = std::size_t(jacobian.rows[std::size_t(row)]);
-      const auto last = std::size_t(jacobian.rows[std::size_t(row) + 1]);
-      for (std::size_t a = first; a < last; ++a) {
-        for (std::size_t b = first; b < last; ++b) {
-          normal(jacobian.cols[a], jacobian.cols[b]) += jacobian.values[a] * jacobian.values[b];
-        }
-      }
-    }
-    const Eigen::VectorXd scale = normal.diagonal().cwiseSqrt().cwiseMax(1e-300);
-    const Eigen::MatrixXd scaled = scale.cwiseInverse().asDiagonal() * normal * scale.cwiseInverse().asDiagonal();
-    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(scaled);
-    Errors result;
-    result.sigma.resize(lenses.size());
-    result.position_covariance.assign(lenses.size(), core::Mat3{{Vec3{}, Vec3{}, Vec3{}}});
-    std::vector<int> free;
-    for (int k = 0; k < 9; ++k) {
-      if (std::find(fixed_.begin(), fixed_.end(), k) == fixed_.end()) free.push_back(k);
-    }
-    constexpr double kSingular = 1e-13, kTakesPart = 0.1;
-    std::set<std::pair<std::size_t, std::string>> undetermined;
-    for (int k = 0; k < columns && eigen.eigenvalues()(k) < kSingular * eigen.eigenvalues().maxCoeff(); ++k) {
-      for (const Place& place : places) {
-        for (std::size_t p = 0; p < (place.lens ? free.size() : 6); ++p) {
-          if (std::abs(eigen.eigenvectors()(place.column + int(p), k)) < kTakesPart) continue;
-          undetermined.emplace(place.camera, place.lens ? kLensNames[std::size_t(free[p])] : "pose");
-        }
-      }
-    }
-    result.undetermined.assign(undetermined.begin(), undetermined.end());
-    const Eigen::VectorXd inverse = eigen.eigenvalues().cwiseMax(1e-300).cwiseInverse();
-    const auto covariance = [&](int a, int b) {
-      return (eigen.eigenvectors().row(a).cwiseProduct(eigen.eigenvectors().row(b))).dot(inverse.transpose()) /
-             (scale(a) * scale(b));
-    };
-    const auto sigma = [&](int column) { return std::sqrt(covariance(column, column)); };
-    for (const Place& place : places) {
-      CameraErrors& e = result.sigma[place.camera];
-      if (place.lens) {
-        const std::array<double*, 9> slots{&e.fx, &e.fy, &e.cx, &e.cy, &e.k1, &e.k2, &e.k3, &e.p1, &e.p2};
-        for (std::size_t p = 0; p < free.size(); ++p) *slots[std::size_t(free[p])] = sigma(place.column + int(p));
-      } else {
-        e.rotation = {sigma(place.column), sigma(place.column + 1), sigma(place.column + 2)};
-        const int at = place.column + 3;
-        e.position = {sigma(at), sigma(at + 1), sigma(at + 2)};
-        for (int r = 0; r < 3; ++r) {
-          result.position_covariance[place.camera].rows[std::size_t(r)] = {
-              covariance(at + r, at), covariance(at + r, at + 1), covariance(at + r, at + 2)};
-        }
-      }
-    }
-    return result;
-  }
-
-  core::CameraModel model(std::size_t camera, const RigCamera& size) const {
-    const Lens& l = lenses[camera];
-    core::CameraModel m;
-    m.width = size.width, m.height = size.height;
-    m.fx = l[0], m.fy = l[1], m.cx = l[2], m.cy = l[3];
-    m.k1 = l[4], m.k2 = l[5], m.k3 = l[6], m.p1 = l[7], m.p2 = l[8];
-    m.stage_from_camera = rig_from_camera[camera];
-    return m;
-  }
-
-  std::vector<std::size_t> used_instants() const {
-    std::set<std::size_t> used;
-    for (const View& view : views) used.insert(view.instant);
-    return {used.begin(), used.end()};
-  }
-  std::size_t instants_used() const { return used_instants().size(); }
-
- private:
-  static constexpr double kExactPx = 1e-4;  // corners without any error still need a finite weight
-
-  // Corrections to the poses, which live as long as the problem.
-  struct Steps {
-    explicit Steps(const Bundle& bundle) : cameras(bundle.lenses.size()), boards(bundle.rig_from_board.size()) {}
-    std::vector<Step> cameras, boards;
-  };
-
-  void build(ceres::Problem& problem, Steps& steps, Loss kind) {
-    for (const View& view : views) {
-      for (const BoardCorner& corner : view.corners) {
-        ceres::LossFunction* loss = nullptr;
-        if (kind == Loss::kHuber) loss = new ceres::HuberLoss(3);
-        if (kind == Loss::kCauchy) loss = new ceres::CauchyLoss(2);
-        problem.AddResidualBlock(new ceres::AutoDiffCostFunction<CornerCost, 2, 9, 6, 6>(
-                                     new CornerCost{&rig_from_camera[view.camera], &rig_from_board[view.instant],
-                                                    board_.corner(corner.id), corner.position, sigma_px[view.camera]}),
-                                 loss, lenses[view.camera].data(), steps.cameras[view.camera].data(),
-                                 steps.boards[view.instant].data());
-      }
-    }
-    for (std::size_t c = 0; c < lenses.size(); ++c) {
-      if (!problem.HasParameterBlock(lenses[c].data())) continue;
-      if (!fixed_.empty()) problem.SetManifold(lenses[c].data(), new ceres::SubsetManifold(9, fixed_));
-      // A focal length that the views do not determine would run away.
-      for (int k = 0; k < 2; ++k) {
-        problem.SetParameterLowerBound(lenses[c].data(), k, focal_from);
-        problem.SetParameterUpperBound(lenses[c].data(), k, focal_to);
-      }
-      if (c == 0) problem.SetParameterBlockConstant(steps.cameras[c].data());
-    }
-  }
-
-  Board board_;
-  std::vector<int> fixed_;
-
- public:
-  std::vector<View> views;
-  std::vector<Lens> lenses;
-  std::vector<RigidTransform> rig_from_camera, rig_from_board;  // by camera, by instant
-  std::vector<double> sigma_px;                                 // of a coordinate, by camera
-  double focal_from = 1, focal_to = 1e7;
-};
 
 class Calibration {
  public:
@@ -323,22 +55,22 @@ class Calibration {
 
   CameraCalibration solve() {
     require_enough("show the board");
-    Bundle rig(input_.board, input_.distortion, input_.cameras.size(), instants_);
+    CameraBundle rig(input_.board, input_.distortion, input_.cameras.size(), instants_);
     start(rig);
     rig.views = std::move(views_);
-    rig.minimise(Bundle::Loss::kHuber);
+    rig.minimise(CameraBundle::Loss::kHuber);
     constexpr int kRounds = 5;
     for (int round = 0; round < kRounds; ++round) {
       rig.estimate_sigmas_by_median();
-      rig.minimise(Bundle::Loss::kCauchy);
+      rig.minimise(CameraBundle::Loss::kCauchy);
       if (!leave_out_outliers(rig)) break;
     }
     views_ = rig.views;
     require_enough("fit in with the others");
     connected_order();
-    rig.minimise(Bundle::Loss::kNone);
+    rig.minimise(CameraBundle::Loss::kNone);
     rig.estimate_sigmas();
-    rig.minimise(Bundle::Loss::kNone);
+    rig.minimise(CameraBundle::Loss::kNone);
     rig.estimate_sigmas();
     collect(rig);
     return std::move(result_);
@@ -361,7 +93,7 @@ class Calibration {
   void require_enough(const std::string& what) const {
     if (input_.cameras.empty()) throw core::BadInput("camera calibration: there are no cameras");
     std::vector<std::size_t> count(input_.cameras.size(), 0);
-    for (const Bundle::View& view : views_) ++count[view.camera];
+    for (const CameraBundle::View& view : views_) ++count[view.camera];
     for (std::size_t c = 0; c < count.size(); ++c) {
       if (count[c] >= kFewestViews) continue;
       throw core::BadInput(name(c) + ": " + std::to_string(count[c]) + " of its pictures " + what + ", and at least " +
@@ -370,7 +102,7 @@ class Calibration {
   }
 
   // Each camera by itself, then each in the frame of one that is placed already and shares most instants with it.
-  void start(Bundle& rig) {
+  void start(CameraBundle& rig) {
     std::map<std::pair<std::size_t, std::size_t>, RigidTransform> camera_from_board;  // by camera and instant
     for (std::size_t c = 0; c < input_.cameras.size(); ++c) start_camera(c, rig, camera_from_board);
     const bool either_end = input_.board.looks_same_upside_down();
@@ -393,9 +125,9 @@ class Calibration {
       }
       rig.rig_from_camera[camera] = rig.rig_from_camera[from] * pose.first_from_second;
     }
-    std::vector<const Bundle::View*> largest(instants_, nullptr);
-    for (const Bundle::View& view : views_) {
-      const Bundle::View*& best = largest[view.instant];
+    std::vector<const CameraBundle::View*> largest(instants_, nullptr);
+    for (const CameraBundle::View& view : views_) {
+      const CameraBundle::View*& best = largest[view.instant];
       if (best == nullptr || view.corners.size() > best->corners.size()) best = &view;
     }
     for (std::size_t i = 0; i < instants_; ++i) {
@@ -404,7 +136,7 @@ class Calibration {
       rig.rig_from_board[i] = rig.rig_from_camera[c] * camera_from_board.at({c, i});
     }
     if (!either_end) return;
-    for (Bundle::View& view : views_) {
+    for (CameraBundle::View& view : views_) {
       const RigidTransform expected = rig.rig_from_camera[view.camera].inverse() * rig.rig_from_board[view.instant];
       const RigidTransform& seen = camera_from_board.at({view.camera, view.instant});
       const double length = norm(seen.translation);
@@ -415,21 +147,21 @@ class Calibration {
   }
 
   // The lens from this camera's views alone, from every focal length worth trying.
-  void start_camera(std::size_t camera, Bundle& rig,
+  void start_camera(std::size_t camera, CameraBundle& rig,
                     std::map<std::pair<std::size_t, std::size_t>, RigidTransform>& camera_from_board) const {
     const RigCamera& size = input_.cameras[camera];
     const double unit = std::max(size.width, size.height);
     std::vector<const BoardView*> given;
-    for (const Bundle::View& view : views_) {
+    for (const CameraBundle::View& view : views_) {
       if (view.camera == camera) given.push_back(&input_.views[view.given]);
     }
     std::vector<double> focals{unit, 2 * unit, 5 * unit};
     const std::optional<double> from_views = focal_from_homographies(input_.board, size, given);
     if (from_views) focals.insert(focals.begin(), *from_views);
-    std::optional<Bundle> best;
+    std::optional<CameraBundle> best;
     double best_cost = INFINITY;
     for (const double focal : focals) {
-      Bundle one(input_.board, input_.distortion, 1, instants_);
+      CameraBundle one(input_.board, input_.distortion, 1, instants_);
       one.focal_from = 0.2 * unit;
       one.focal_to = 100 * unit;
       one.lenses[0] = {focal, focal, (size.width - 1) / 2.0, (size.height - 1) / 2.0, 0, 0, 0, 0, 0};
@@ -437,7 +169,7 @@ class Calibration {
       // Again with poses from the lens found: of a plane's two poses the wrong one may have looked better before.
       for (int pass = 0; pass < 2; ++pass) {
         one.views.clear();
-        for (const Bundle::View& view : views_) {
+        for (const CameraBundle::View& view : views_) {
           if (view.camera != camera) continue;
           const auto pose = board_pose(input_.board, one.model(0, size), view.corners);
           if (!pose) continue;
@@ -446,7 +178,7 @@ class Calibration {
           one.rig_from_board[view.instant] = *pose;
         }
         if (one.views.size() < kFewestViews) break;
-        cost = one.minimise(Bundle::Loss::kHuber, pass == 0 ? 25 : 60);
+        cost = one.minimise(CameraBundle::Loss::kHuber, pass == 0 ? 25 : 60);
       }
       if (cost < best_cost) {
         best_cost = cost;
@@ -454,17 +186,17 @@ class Calibration {
       }
       // Nothing is gained from other starts where this one fits to the pixel.
       std::size_t corners = 0;
-      for (const Bundle::View& view : one.views) corners += view.corners.size();
+      for (const CameraBundle::View& view : one.views) corners += view.corners.size();
       if (cost < double(corners)) break;
     }
     if (!best) throw core::BadInput(name(camera) + ": no lens explains where the board's corners are; " + kHowToShow);
     rig.lenses[camera] = best->lenses[0];
     rig.focal_from = std::min(camera == 0 ? 1e12 : rig.focal_from, 0.2 * unit);
     rig.focal_to = std::max(camera == 0 ? 0 : rig.focal_to, 100 * unit);
-    for (const Bundle::View& view : best->views) {
+    for (const CameraBundle::View& view : best->views) {
       camera_from_board[{camera, view.instant}] = best->rig_from_board[view.instant];
     }
-    for (const Bundle::View& view : views_) {
+    for (const CameraBundle::View& view : views_) {
       if (view.camera != camera || camera_from_board.contains({camera, view.instant})) continue;
       throw core::BadInput(name(camera) + ": no pose of the board explains picture " + std::to_string(view.instant) +
                            "; leave it out");
@@ -472,9 +204,9 @@ class Calibration {
     require_tilts(camera, *best);
   }
 
-  static double largest_tilt(const Bundle& bundle, std::size_t camera) {
+  static double largest_tilt(const CameraBundle& bundle, std::size_t camera) {
     std::vector<Vec3> normals;
-    for (const Bundle::View& view : bundle.views) {
+    for (const CameraBundle::View& view : bundle.views) {
       if (view.camera != camera) continue;
       const core::Mat3 r =
           bundle.rig_from_camera[camera].rotation.transposed() * bundle.rig_from_board[view.instant].rotation;
@@ -489,7 +221,7 @@ class Calibration {
     return core::degrees_from_radians(largest);
   }
 
-  void require_tilts(std::size_t camera, const Bundle& bundle) const {
+  void require_tilts(std::size_t camera, const CameraBundle& bundle) const {
     const double tilt = largest_tilt(bundle, 0);
     if (tilt >= kSmallestTilt) return;
     throw core::BadInput(name(camera) + ": all views of the board are parallel (within " + core::number_text(tilt, 2) +
@@ -499,7 +231,7 @@ class Calibration {
   // Every camera but the first, with one before it (or the first) that shares most instants with it.
   std::vector<std::pair<std::size_t, std::size_t>> connected_order() const {
     std::vector<std::set<std::size_t>> seen(input_.cameras.size());
-    for (const Bundle::View& view : views_) seen[view.camera].insert(view.instant);
+    for (const CameraBundle::View& view : views_) seen[view.camera].insert(view.instant);
     std::set<std::size_t> placed{0};
     std::vector<std::pair<std::size_t, std::size_t>> order;
     while (placed.size() < input_.cameras.size()) {
@@ -529,18 +261,18 @@ class Calibration {
     return order;
   }
 
-  bool leave_out_outliers(Bundle& rig) {
+  bool leave_out_outliers(CameraBundle& rig) {
     bool changed = false;
     std::vector<std::vector<double>> typical(input_.cameras.size());
-    const auto off = [&](const Bundle::View& view) {
+    const auto off = [&](const CameraBundle::View& view) {
       std::vector<double> distances;
       for (const BoardCorner& corner : view.corners) distances.push_back(rig.distance_px(view, corner));
-      return median(distances);
+      return quantile(distances, 0.5);
     };
-    for (const Bundle::View& view : rig.views) typical[view.camera].push_back(off(view));
+    for (const CameraBundle::View& view : rig.views) typical[view.camera].push_back(off(view));
     std::vector<double> usual;
-    for (auto& values : typical) usual.push_back(median(values));
-    std::erase_if(rig.views, [&](const Bundle::View& view) {
+    for (auto& values : typical) usual.push_back(quantile(values, 0.5));
+    std::erase_if(rig.views, [&](const CameraBundle::View& view) {
       const double px = off(view);
       if (px <= std::max(kViewOutlierPx, kViewOutlierRatio * usual[view.camera])) return false;
       result_.views[view.given].reason = "its corners are off by " + core::number_text(px, 2) +
@@ -550,13 +282,13 @@ class Calibration {
       changed = true;
       return true;
     });
-    for (Bundle::View& view : rig.views) {
+    for (CameraBundle::View& view : rig.views) {
       const std::size_t left_out = std::erase_if(view.corners, [&](const BoardCorner& corner) {
         return rig.distance_px(view, corner) > kOutlierSigmas * rig.sigma_px[view.camera];
       });
       changed |= left_out > 0;
     }
-    std::erase_if(rig.views, [&](const Bundle::View& view) {
+    std::erase_if(rig.views, [&](const CameraBundle::View& view) {
       if (view.corners.size() >= kFewestCorners) return false;
       result_.views[view.given].reason = "too few of its corners fit together";
       return true;
@@ -564,8 +296,8 @@ class Calibration {
     return changed;
   }
 
-  void collect(Bundle& rig) {
-    const Bundle::Errors errors = rig.errors();
+  void collect(CameraBundle& rig) {
+    const CameraBundle::Errors errors = rig.errors();
     if (!errors.undetermined.empty()) {
       std::vector<std::string> what;
       for (const auto& [camera, parameter] : errors.undetermined) what.push_back(name(camera) + ": " + parameter);
@@ -585,7 +317,7 @@ class Calibration {
       camera.tilt_degrees = largest_tilt(rig, c);
     }
     result_.rig_from_board.resize(instants_);
-    for (const Bundle::View& view : rig.views) {
+    for (const CameraBundle::View& view : rig.views) {
       CalibratedView& shown = result_.views[view.given];
       CalibratedCamera& camera = result_.cameras[view.camera];
       shown.used = true;
@@ -642,7 +374,7 @@ class Calibration {
   }
 
   const CameraCalibrationInput& input_;
-  std::vector<Bundle::View> views_;
+  std::vector<CameraBundle::View> views_;
   std::size_t instants_ = 0;
   CameraCalibration result_;
 };

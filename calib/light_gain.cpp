@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/ball/cone.h"
+#include "calib/ball/grey_ball.h"
 #include "calib/ball/hit.h"
 #include "calib/robust/quantile.h"
 #include "calib/spot/ball_region.h"
@@ -16,15 +17,13 @@ namespace {
 
 using core::Vec3;
 
-constexpr double kRimPx = 2;           // pixels this near the outline also see the background
-constexpr double kLeastCosine = 0.15;  // below it the lamp's size and the surface's gloss matter
-constexpr int kLeastPixels = 64;
 constexpr double kFloorOfVariance =
     0.05;  // read noise next to shot noise, on the scale of a white surface facing the light
 
 // What is not known exactly besides the gains: the light's place, the ball's image sideways, and the radius of the image.
 constexpr int kNuisances = 6;
 using Nuisances = Eigen::Matrix<double, kNuisances, 1>;
+using NuisanceMatrix = Eigen::Matrix<double, kNuisances, kNuisances>;
 
 // A pixel that sees the lit ball.
 struct Sample {
@@ -100,8 +99,8 @@ struct GainFit {
 };
 
 // Weighted least squares by Gauss and Newton; the variance of a pixel grows with its signal, and its scale is that of the residuals. Values more than
-// four robust standard deviations off (dust, gloss, a label) are left out. `known` are the nuisances' own standard errors.
-GainFit fit_gains(const std::vector<Sample>& samples, int channels, const Nuisances& known) {
+// four robust standard deviations off (dust, gloss, a label) are left out. `certainty` is the inverse of the nuisances' own covariance.
+GainFit fit_gains(const std::vector<Sample>& samples, int channels, const NuisanceMatrix& certainty) {
   const int unknowns = channels + kNuisances;
   const auto weight = [](const Sample& s) { return 1 / (s.predicted + kFloorOfVariance); };
   const auto value = [&](std::size_t i, int c) { return double(samples[i].pixel[c]); };
@@ -161,11 +160,8 @@ GainFit fit_gains(const std::vector<Sample>& samples, int channels, const Nuisan
     normal = Eigen::MatrixXd(normal.selfadjointView<Eigen::Lower>());
     // A variance of exactly 0 (a picture without noise) would let nothing be known beforehand.
     const double scale = std::max(variance, 1e-14 * gain.squaredNorm());
-    for (int k = 0; k < kNuisances; ++k) {
-      const double certainty = scale / (known[k] * known[k]);
-      normal(channels + k, channels + k) += certainty;
-      side[channels + k] -= certainty * off[k];
-    }
+    normal.bottomRightCorner<kNuisances, kNuisances>() += scale * certainty;
+    side.tail<kNuisances>() -= scale * (certainty * off);
     const Eigen::VectorXd step = normal.ldlt().solve(side);
     gain += step.head(channels);
     off += step.tail<kNuisances>();
@@ -179,14 +175,27 @@ GainFit fit_gains(const std::vector<Sample>& samples, int channels, const Nuisan
   return fit;
 }
 
+Eigen::Matrix3d checked_covariance(const core::Mat3& covariance) {
+  Eigen::Matrix3d matrix;
+  for (int r = 0; r < 3; ++r) {
+    const Vec3 row = covariance.rows[std::size_t(r)];
+    matrix.row(r) << row.x, row.y, row.z;
+  }
+  constexpr double kRounding = 1e-9;
+  if (!matrix.allFinite() || (matrix - matrix.transpose()).cwiseAbs().maxCoeff() > kRounding * matrix.norm() ||
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(matrix, Eigen::EigenvaluesOnly).eigenvalues()[0] <
+          -kRounding * matrix.norm()) {
+    throw core::BadInput("grey ball: the covariance of the light's place must be symmetric, finite and not negative");
+  }
+  return matrix;
+}
+
 }  // namespace
 
 GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& camera, const Sphere& ball, double albedo,
-                           core::Vec3 light_position, double saturation, double light_sigma_m) {
+                           core::Vec3 light_position, double saturation, const core::Mat3& light_covariance) {
   if (!(albedo > 0) || !std::isfinite(albedo)) throw core::BadInput("grey ball: its albedo must be positive");
-  if (!(light_sigma_m >= 0) || !std::isfinite(light_sigma_m)) {
-    throw core::BadInput("grey ball: the standard error of the light's place must be a number >= 0");
-  }
+  const Eigen::Matrix3d place = checked_covariance(light_covariance);
   require_picture_of(picture, camera, "grey ball");
   if (picture.channels() != 1 && picture.channels() != 3) {
     throw core::BadInput("grey ball: the picture must have 1 or 3 channels");
@@ -202,11 +211,13 @@ GainEstimate estimate_gain(core::ImageView picture, const core::CameraModel& cam
   }
   const OutlineSigma outline = outline_sigma(ball);
   const double radius_px = outline_radius_px(camera, cone_around(camera, ball));
-  constexpr double kExact = 1e-7;  // metres and radii: what is taken as exact
-  Nuisances known;
-  known << light_sigma_m, light_sigma_m, light_sigma_m, outline.centre_px / radius_px, outline.centre_px / radius_px,
-      outline.radius_px / radius_px;
-  const GainFit fit = fit_gains(samples, picture.channels(), known.cwiseMax(kExact));
+  constexpr double kExact = 1e-7;  // metres and radii: nothing is more exact, so that every covariance has an inverse
+  NuisanceMatrix known = kExact * kExact * NuisanceMatrix::Identity();
+  known.topLeftCorner<3, 3>() += place;
+  known(3, 3) += std::pow(outline.centre_px / radius_px, 2);
+  known(4, 4) += std::pow(outline.centre_px / radius_px, 2);
+  known(5, 5) += std::pow(outline.radius_px / radius_px, 2);
+  const GainFit fit = fit_gains(samples, picture.channels(), known.inverse());
   double gain_sum = 0, variance_sum = 0, relative_squares = 0;
   for (std::size_t c = 0; c < 3; ++c) {
     const std::size_t channel = picture.channels() == 3 ? c : 0;

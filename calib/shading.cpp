@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "calib/ball/cone.h"
+#include "calib/ball/grey_ball.h"
 #include "calib/ball/hit.h"
 #include "calib/robust/quantile.h"
 #include "calib/spot/ball_region.h"
@@ -17,9 +18,6 @@ namespace {
 
 using core::Vec3;
 
-constexpr double kRimPx = 2;           // pixels this near the outline also see the background
-constexpr double kLeastCosine = 0.15;  // below it the lamp's size and the surface's gloss matter
-constexpr int kLeastPixels = 64;
 constexpr double kFloorOfVariance = 0.05;  // of read noise next to shot noise, on the scale of the brightest prediction
 
 // Unknowns: the channels' factors, then the two turns times the channel's factor of 1.

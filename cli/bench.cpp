@@ -172,8 +172,9 @@ void add_bench_capture(CLI::App& bench, Context& context) {
 
 void add_bench(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("bench",
-                                             "Measure the network's engine on this machine, relighting by plan, "
-                                             "calibration, alignment, or the timing modes of capture");
+                                             "Measure the network's engine on this machine (model), relighting by plan "
+                                             "(relight), calibration (calib), alignment (align), or the timing modes "
+                                             "of capture (capture)");
   command->require_subcommand(1);
   command->footer("Example:\n  lightstage bench model --size 512");
   const auto options = std::make_shared<Options>();

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 #include <optional>
+#include <random>
 #include <utility>
 
 #include "align/agreement.h"
@@ -156,6 +157,21 @@ double sharpness(const core::Image& picture) {
   return sum;
 }
 
+// Of the subject what some frame does not show, so that `align` masks it.
+double masked_share(const MovingPass& pass, const align::MotionTrack& motion) {
+  std::vector<bool> masked(pass.subject().values().size());
+  for (int frame = 0; frame < pass.frame_count(); ++frame) {
+    core::Image confidence = motion.confidence_at(MovingPass::time_of(frame));
+    align::clear_outside(confidence, motion.at(MovingPass::time_of(frame)));
+    for (std::size_t p = 0; p < masked.size(); ++p) {
+      if (pass.subject().values()[p] > 0.5F && confidence.values()[p] <= 0) masked[p] = true;
+    }
+  }
+  std::size_t subject = 0;
+  for (const float inside : pass.subject().values()) subject += inside > 0.5F;
+  return double(std::count(masked.begin(), masked.end(), true)) / double(std::max<std::size_t>(1, subject));
+}
+
 }  // namespace
 
 MovingPass::MovingPass(const MovingPassOptions& options) : options_(options) {
@@ -284,22 +300,9 @@ AlignRow track_pass(const MovingPass& pass, const AlignKnobs& knobs, align::Moti
   }
   row.median_epe_px = core::quantile(errors, 0.5);
   row.p95_epe_px = core::quantile(errors, 0.95);
+  row.masked = masked_share(pass, track);
   if (motion != nullptr) *motion = std::move(track);
   return row;
-}
-
-double masked_share(const MovingPass& pass, const align::MotionTrack& motion) {
-  std::vector<bool> masked(pass.subject().values().size());
-  for (int frame = 0; frame < pass.frame_count(); ++frame) {
-    core::Image confidence = motion.confidence_at(MovingPass::time_of(frame));
-    align::clear_outside(confidence, motion.at(MovingPass::time_of(frame)));
-    for (std::size_t p = 0; p < masked.size(); ++p) {
-      if (pass.subject().values()[p] > 0.5F && confidence.values()[p] <= 0) masked[p] = true;
-    }
-  }
-  std::size_t subject = 0;
-  for (const float inside : pass.subject().values()) subject += inside > 0.5F;
-  return double(std::count(masked.begin(), masked.end(), true)) / double(std::max<std::size_t>(1, subject));
 }
 
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions) {
@@ -336,7 +339,6 @@ BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& mot
       }
     }
   }
-  gain.masked = masked_share(pass, motion);
   gain.error_hidden = where_hidden.root_mean();
   gain.error_shown = where_shown.root_mean();
   const std::vector<core::Direction> asked = pass.between_lights(directions);
@@ -399,6 +401,58 @@ FacesRow register_faces(const std::filesystem::path& yale_folder) {
   row.mean_before = mean_of(kept);
   row.mean_after = mean_of(aligned);
   row.sharpness_gain = sharpness(row.mean_after) / sharpness(row.mean_before);
+  return row;
+}
+
+FacesRow register_simulated(std::uint64_t seed, double& seconds) {
+  constexpr std::size_t kLights = 80;
+  constexpr int kPixels = 1024;
+  constexpr double kFarthest = 3, kMostTurned = 0.003;
+  const sim::World world(simulation_of({.lights = kLights, .pixels = kPixels, .motion_px = 0, .seed = seed}, 0));
+  const capture::StageCamera& camera = camera_of(world);
+  std::vector<core::Direction> lights;
+  for (const core::Light& light : capture::nominal_lights(world.simulation().stage))
+    if (light.direction.z() > 0.1) lights.push_back(light.direction);
+  std::vector<core::Image> pictures = world.render_directions(camera.model, lights, 0);
+  std::vector<align::RigidMotion> motions;
+  align::RigidMotion mean;
+  std::mt19937_64 random(seed);
+  std::uniform_real_distribution<double> uniform(-1, 1);
+  for (std::size_t i = 0; i < pictures.size(); ++i) {
+    const align::RigidMotion motion{kFarthest * uniform(random), kFarthest * uniform(random),
+                                    kMostTurned * uniform(random)};
+    mean.dx += motion.dx / double(pictures.size());
+    mean.dy += motion.dy / double(pictures.size());
+    motions.push_back(motion);
+    // moved(p + motion) = picture(p): the inverse turns back, and shifts by what was turned back.
+    const double c = std::cos(motion.radians), s = std::sin(motion.radians);
+    const align::RigidMotion back{-c * motion.dx - s * motion.dy, s * motion.dx - c * motion.dy, -motion.radians};
+    core::Image moved = align::warp(pictures[i], back.flow(kPixels, kPixels));
+    for (float& value : moved.values()) value = std::max(value, 0.0F);
+    pictures[i] = sim::sense(moved, world.simulation().sensor, camera.responsivity, kExposure, seed * 300007 + i);
+  }
+  const core::Stopwatch watch;
+  const auto found = align::register_pictures([&](std::size_t i) { return pictures[i]; }, lights);
+  seconds = watch.seconds();
+  FacesRow row;
+  row.name = "simulated head";
+  row.pictures = pictures.size();
+  std::vector<float> lengths, before, after, errors;
+  for (std::size_t i = 0; i < found.size(); ++i) {
+    row.objected += !found[i].objection.empty();
+    if (!found[i].objection.empty()) continue;
+    lengths.push_back(float(std::hypot(found[i].motion.dx, found[i].motion.dy)));
+    before.push_back(float(found[i].residual_before_px));
+    after.push_back(float(found[i].residual_after_px));
+    errors.push_back(
+        float(std::hypot(found[i].motion.dx - motions[i].dx + mean.dx, found[i].motion.dy - motions[i].dy + mean.dy)));
+  }
+  if (errors.empty()) return row;
+  row.median_motion_px = core::quantile(lengths, 0.5);
+  row.residual_before_px = core::quantile(before, 0.5);
+  row.residual_after_px = core::quantile(after, 0.5);
+  row.injected_median_px = core::quantile(errors, 0.5);
+  row.injected_p95_px = core::quantile(errors, 0.95);
   return row;
 }
 

@@ -289,10 +289,9 @@ GainRow measure_gains(const BallStage& stage, const std::vector<calib::BundledLi
   for (const calib::BundledLight& light : lights) {
     if (!light.placed) continue;
     const std::size_t i = std::size_t(light.light_index);
-    const double sigma_m = core::radians_from_degrees(light.sigma_degrees) / std::sqrt(2.0) * norm(light.position);
     const calib::GainEstimate estimate =
         calib::estimate_gain(stage.sensed(view.lights[i], BallStage::kGreySaturation, 9000 + i), view.camera, ball,
-                             BallStage::kGreyAlbedo, light.position, BallStage::kGreySaturation, sigma_m);
+                             BallStage::kGreyAlbedo, light.position, BallStage::kGreySaturation, light.covariance);
     if (!estimate.measured) continue;
     ++row.measured;
     for (std::size_t c = 0; c < 3; ++c) {

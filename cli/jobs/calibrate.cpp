@@ -1,7 +1,6 @@
 #include "cli/jobs/calibrate.h"
 
 #include <algorithm>
-#include <cmath>
 #include <memory>
 
 #include <nlohmann/json.hpp>
@@ -120,12 +119,10 @@ bool measure_gains(const db::Store& store, const db::Scan& scan, const Calibrate
                                     [&](const db::CalibratedLight& l) { return l.light_index == view.light_index[i]; });
     if (light == report.lights.end() || !light->placed) continue;
     const calib::BallPicture picture = picture_of_light(store, view, i);
-    // Of each coordinate across the line of sight from stage centre; along it hardly matters to the shading.
-    const double sigma_m =
-        core::radians_from_degrees(light->sigma_degrees) / std::sqrt(2.0) * norm(*light->light.position);
+    const PlacedLight& placed = report.joined.lights[std::size_t(light - report.lights.begin())];
     const calib::GainEstimate estimate =
         calib::estimate_gain(picture.image, view.camera, view.ball, options.grey_albedo, *light->light.position,
-                             picture.saturation, sigma_m);
+                             picture.saturation, placed.covariance);
     if (estimate.measured) {
       light->light.gain = estimate.gain;
       report.gain_sigma[light->light_index] = estimate.relative_sigma;

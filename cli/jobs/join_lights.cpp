@@ -113,6 +113,7 @@ void bundle(std::span<const SeenBall> views, const JoinOptions& options, LightsR
       continue;
     }
     light.position = found.position;
+    light.covariance = found.covariance;
     light.direction = core::Direction::from_vector(found.position);
     light.sigma_degrees = found.sigma_degrees;
     light.sigma_m = found.sigma_m;

@@ -46,6 +46,7 @@ struct PlacedLight {
   std::string reason;                  // why not; or what was left out of it
   core::Direction direction;           // from the stage's centre
   std::optional<core::Vec3> position;  // metres
+  core::Mat3 covariance;               // of the position, square metres, where there is one
   double sigma_m = 0;                  // of the position, all coordinates together
   double sigma_degrees = 0;
   std::vector<calib::LightEstimate> per_view;

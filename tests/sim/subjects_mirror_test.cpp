@@ -228,14 +228,23 @@ TEST_CASE("a mirror ball that stands aside shows the lights from there, and a gr
   simulation.subject.kind = sim::SubjectKind::kGreyBall;
   simulation.subject.albedo = 0.5;
   const sim::World grey(simulation);
-  const core::Image lit = grey.render(camera, {&level, 1}, 0);
-  // The point between the directions to the camera and to the light.
-  const core::Vec3 to_light = light - place, to_camera = camera.centre() - place;
-  const core::Vec3 sum = to_light / norm(to_light) + to_camera / norm(to_camera);
-  const core::Vec3 normal = sum / norm(sum), point = place + normal * kRadius;
-  const core::Vec3 way = light - point;
-  const double radiance =
-      0.5 * dot(normal, way) / norm(way) * dot(light, light) / dot(way, way) * world.true_lights()[17].gain[1];
-  const core::Pixel seen = *camera.project(point);
-  CHECK(lit(int(std::lround(seen.y)), int(std::lround(seen.x)), 1) == Approx(radiance).epsilon(0.03));
+  int compared = 0;
+  for (std::size_t i = 0; i < grey.true_lights().size(); ++i) {
+    const core::Light& lamp = grey.true_lights()[i];
+    // The point between the directions to the camera and to the light.
+    const core::Vec3 to_light = *lamp.position - place, to_camera = camera.centre() - place;
+    const core::Vec3 sum = to_light / norm(to_light) + to_camera / norm(to_camera);
+    const core::Vec3 normal = sum / norm(sum), point = place + normal * kRadius;
+    const core::Vec3 way = *lamp.position - point;
+    const double cosine = dot(normal, way) / norm(way);
+    if (cosine < 0.7) continue;  // nearer the rim half a pixel's rounding matters
+    const double radiance = 0.5 * cosine * dot(*lamp.position, *lamp.position) / dot(way, way) * lamp.gain[1];
+    const core::Pixel seen = *camera.project(point);
+    const capture::LightLevel lamp_level{int(i)};
+    const core::Image lit = grey.render(camera, {&lamp_level, 1}, 0);
+    INFO("light " << i << ", cosine " << cosine);
+    CHECK(lit(int(std::lround(seen.y)), int(std::lround(seen.x)), 1) == Approx(radiance).epsilon(0.03));
+    ++compared;
+  }
+  CHECK(compared >= 10);
 }
