@@ -125,7 +125,7 @@ TEST_CASE("loose exposures are merged, with a response and without, and tell how
   const test::Outcome swapped =
       program.run(command({"merge"}, linear, {"--exposures", "4,2,1,1/2,1/4", "--out", program.path("x.exr")}));
   CHECK(swapped.status == 3);
-  CHECK(swapped.err.find("25.tif: is darker than") != std::string::npos);
+  CHECK(swapped.err.find("is darker than") != std::string::npos);
   CHECK(program
             .run(command({"merge"}, encoded,
                          with({"--encoding", "srgb", "--response", program.path("camera/response.csv"), "--out",

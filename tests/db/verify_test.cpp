@@ -226,7 +226,7 @@ TEST_CASE("pictures without shading accuse nobody") {
     core::Image card(kSide, kSide, 1);
     for (int row = 0; row < kSide; ++row) {
       for (int column = 0; column < kSide; ++column) {
-        const core::Vec3 point{0.2 * (column - 3.5) / 4, -0.2 * (row - 3.5) / 4, 0};
+        const core::Vec3 point{0.16 * (column - 3.5) / 4, -0.16 * (row - 3.5) / 4, 0};
         const core::Vec3 to_light = around.back().vec() * 1.5 - point;
         const double vignetting = 1 - 3 * (point.x * point.x + point.y * point.y);
         const double light = 3.375 * to_light.z / std::pow(norm(to_light), 3) / 1.5;
