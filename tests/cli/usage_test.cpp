@@ -41,6 +41,9 @@ TEST_CASE("what is misspelt is answered with the nearest name and exit status 2"
   fails_with({"init", "--jsn"}, "(did you mean '--json'?)");
   fails_with({"superres", "head"}, "--out");
   fails_with({"capture", "--stage", "x.toml", "--sim", "--procedural", "1", "--views", "3", "--name", "x"}, "--views");
+  fails_with({"align", "head", "--flow", "fien"}, "--flow: 'fien' is none of");
+  fails_with({"align", "head", "--flow", "fien"}, "(did you mean 'fine'?)");
+  fails_with({"align", "head", "--flow", "3"}, "--flow: '3' is none of");
   fails_with({}, "lightstage --help");
   fails_with({"stage", "--lights", "-4", "--out", "x.toml"}, "--lights");
   fails_with({"stage", "--lights", "many", "--out", "x.toml"}, "--lights");
