@@ -41,7 +41,7 @@ struct Board {
 void require_usable(const Board& board);
 
 // The board as it is printed: one channel, 0 where black and 1 where white, `pixels_per_square` pixels a square, with a white
-// margin of `margin_px` pixels all round. Throws as require_usable.
+// margin of `margin_px` pixels all round. Throws as require_usable, and for markers of fewer pixels than they have bits.
 core::Image board_picture(const Board& board, int pixels_per_square, int margin_px);
 
 struct BoardCorner {

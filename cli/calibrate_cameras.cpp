@@ -149,12 +149,17 @@ struct BoardOptions {
   calib::Board board;
   std::string kind = "charuco";
   double square_mm = 25, marker_mm = 0;
+  std::optional<std::string> dictionary;
   int dpi = 600;
   std::filesystem::path out;
 };
 
 void run_board(BoardOptions options, const Context& context) {
   calib::Board& board = options.board;
+  if (options.kind == "chessboard" && (options.marker_mm > 0 || options.dictionary)) {
+    throw core::UsageError("--marker-mm and --dictionary: a chessboard has no markers; give --kind charuco");
+  }
+  if (options.dictionary) board.dictionary = *options.dictionary;
   board.kind = options.kind == "charuco" ? calib::BoardKind::kCharuco : calib::BoardKind::kChessboard;
   // Whole pixels; the description says what these are when printed.
   const auto pixels = [&](double mm) { return int(std::lround(mm / 25.4 * options.dpi)); };
@@ -173,6 +178,11 @@ void run_board(BoardOptions options, const Context& context) {
   if (extension != ".png") throw core::UsageError("--out: boards are written as .png");
   std::filesystem::path toml = options.out;
   toml.replace_extension(".toml");
+  // Squares that were measured, or a file of another use, are not overwritten.
+  if (std::filesystem::exists(toml) && core::read_text_file(toml) != to_toml(board)) {
+    throw core::UsageError("--out: the description would go to '" + toml.string() +
+                           "', which is there already and says something else; choose another name");
+  }
   core::write_image(options.out, calib::board_picture(board, square_px, square_px / 2));
   core::write_file_atomically(toml, to_toml(board));
   context.result(
@@ -238,8 +248,8 @@ void add_calibrate_board(CLI::App& calibrate, Context& context) {
       ->check(number_between(1.0, 1000.0));
   command->add_option("--marker-mm", options->marker_mm, "Side of a marker, millimetres [0.6 squares]")
       ->check(number_between(0.5, 1000.0));
-  command->add_option("--dictionary", options->board.dictionary, "Of the markers: 4x4_50 to 7x7_1000, aruco_original")
-      ->capture_default_str();
+  command->add_option("--dictionary", options->dictionary,
+                      "Of the markers: 4x4_50 to 7x7_1000, aruco_original [4x4_250]");
   command->add_option("--dpi", options->dpi, "Dots per inch of the print")
       ->capture_default_str()
       ->check(CLI::Range(50, 2400));

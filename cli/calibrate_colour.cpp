@@ -83,6 +83,9 @@ void run_colour(const Options& options, const Context& context) {
   if (options.out.empty() && options.for_scan.empty()) {
     throw core::UsageError("calibrate colour: say where the colours go: --out DIR, or --for SCAN into the store");
   }
+  if (options.for_scan.empty() && !options.camera.empty()) {
+    throw core::UsageError("calibrate colour: --camera is for --for SCAN; a file of colours has none");
+  }
   core::Image picture = read_picture(options.picture, options.encoding);
   if (!options.dark.empty()) {
     const core::Image dark = read_picture(options.dark, options.encoding);
@@ -144,6 +147,7 @@ void run_colour(const Options& options, const Context& context) {
       throw core::UsageError("scan '" + scan.name + "' has no camera '" + options.camera + "'" +
                              core::did_you_mean(options.camera, scan.cameras));
     }
+    if (!options.out.empty()) core::make_folder(options.out);  // before anything is stored
     // Gains of a grey ball balance the white already.
     nlohmann::ordered_json parameters{
         {"matrix", whole_matrix(fit, true)}, {"mean_delta_e", fit.mean_delta_e}, {"picture", options.picture.string()}};

@@ -75,6 +75,14 @@ void run_flat(const Options& options, const Context& context) {
   if (!options.scan.empty() && !options.for_scan.empty()) {
     throw core::UsageError("calibrate flat: --for is for loose pictures; a pass (--scan) is of its own stage");
   }
+  if (!options.scan.empty() &&
+      (!options.dark.empty() || options.saturation || options.encoding != core::Encoding::kAuto)) {
+    throw core::UsageError(
+        "calibrate flat: --dark, --saturation and --encoding are for loose pictures; a pass (--scan) has its own");
+  }
+  const auto make_out = [&] {  // before anything is stored
+    if (!options.out.empty()) core::make_folder(options.out);
+  };
   std::vector<Found> all;
   bool stored = true;
   if (!options.scan.empty()) {
@@ -89,6 +97,7 @@ void run_flat(const Options& options, const Context& context) {
       throw core::UsageError("scan '" + scan.name + "' has no camera '" + options.camera + "'" +
                              core::did_you_mean(options.camera, scan.cameras));
     }
+    make_out();
     for (const Found& found : all) store_flat_field(store, scan, found.camera, found.field, true);
   } else if (!options.for_scan.empty()) {
     db::Store store = context.open_store();
@@ -100,12 +109,14 @@ void run_flat(const Options& options, const Context& context) {
                              core::did_you_mean(camera, scan.cameras));
     }
     all.push_back({camera, from_pictures(options)});
+    make_out();
     store_flat_field(store, scan, camera, all.front().field, false);
   } else {
     if (options.out.empty()) {
       throw core::UsageError("calibrate flat: say where the flat field goes: --out DIR, or --for SCAN into the store");
     }
     all.push_back({options.camera, from_pictures(options)});
+    make_out();
     stored = false;
   }
 
@@ -134,7 +145,6 @@ void run_flat(const Options& options, const Context& context) {
   }
   nlohmann::ordered_json object{{"flat", list}, {"stored", stored}};
   if (!options.out.empty()) {
-    core::make_folder(options.out);
     for (const Found& found : all) {
       const std::string name = found.camera.empty() ? "flat" : "flat_" + found.camera;
       core::write_image(options.out / (name + ".exr"), found.field.flat, {.pixel_type = core::PixelType::kFloat});

@@ -11,6 +11,7 @@
 #include "cli/report/plot.h"
 #include "cli/report/response_file.h"
 #include "core/file.h"
+#include "core/progress.h"
 
 namespace lightstage::cli {
 
@@ -41,6 +42,11 @@ void run_response(const Options& options, const Context& context) {
   std::vector<calib::ExposedPicture> stack;
   for (std::size_t i = 0; i < pictures.images.size(); ++i) stack.push_back({pictures.images[i], pictures.seconds[i]});
   const calib::CameraResponse response = calib::estimate_response(stack, options.method);
+  constexpr double kUsable = 0.1;  // sound sets lie at a few percent
+  if (response.residual > kUsable) {
+    core::warn("the pictures contradict each other by " + fixed(100 * response.residual, 0) +
+               " %: are the exposure times right, and did scene, light and aperture stay the same?");
+  }
   std::string text = "response of " + std::to_string(stack.size()) + " exposures; pictures agree to " +
                      fixed(100 * response.residual, 1) + " %\n";
   nlohmann::ordered_json object{{"pictures", stack.size()},

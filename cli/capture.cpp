@@ -343,12 +343,21 @@ void add_capture(CLI::App& program, Context& context) {
   for (const char* name : {"--name", "--preview", "--preview-every", "--tev", "--light-check"}) {
     not_dry.push_back(command->get_option(name));
   }
-  command->callback([options, &context, simulated, new_ones, not_dry] {
+  CLI::Option* views = command->get_option("--views");
+  CLI::Option* tracking = command->get_option("--tracking-every");
+  CLI::Option* radius = command->get_option("--ball-radius");
+  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius] {
     if (options->goes_on()) {
       refuse_any(new_ones, std::string(options->resume ? "--resume" : "--retake") +
                                " goes on with a scan as it was begun; leave this out");
     }
-    if (!options->request.simulate) refuse_any(simulated, "is for simulated stages; add --sim, or leave it out");
+    const CaptureRequest& asked = options->request;
+    if (!options->goes_on() && !asked.chessboard) refuse_any({views}, "is for --chessboard; leave it out");
+    if (asked.chessboard) refuse_any({tracking}, "a chessboard pass has no single lights; leave it out");
+    if (asked.simulate && !asked.mirror_ball && !asked.grey_ball) {
+      refuse_any({radius}, "is for --mirror-ball and --grey-ball; leave it out");
+    }
+    if (!asked.simulate) refuse_any(simulated, "is for simulated stages; add --sim, or leave it out");
     if (options->dry_run) {
       refuse_any(not_dry, "has no effect with --dry-run; leave it out");
       dry_run(*options, context);

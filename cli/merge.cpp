@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
@@ -31,11 +33,32 @@ void divide(core::Image& image, double seconds) {
   for (float& v : image.values()) v = float(double(v) / seconds);
 }
 
+// Photographs are not overwritten by what is made of them, nor high dynamic range cut to what 8 bits hold.
+void require_writable_result(const Options& options, const std::vector<std::filesystem::path>& inputs) {
+  const std::string extension = lower_case_extension(options.out);
+  if (extension != ".exr" && extension != ".hdr" && extension != ".tif" && extension != ".tiff") {
+    throw core::UsageError("--out: '" + options.out.string() + "' would not hold it; write .exr, .hdr or .tiff");
+  }
+  for (const std::filesystem::path& input : inputs) {
+    std::error_code not_there;
+    if (std::filesystem::equivalent(options.out, input, not_there)) {
+      throw core::UsageError("--out: '" + options.out.string() +
+                             "' is one of the pictures that are merged; give it another name");
+    }
+  }
+}
+
 void run_merge(const Options& options, const Context& context) {
+  if (!options.response.empty() && options.encoding != core::Encoding::kAuto) {
+    throw core::UsageError("--response says what the pictures' numbers are; leave --encoding out");
+  }
   std::optional<calib::CameraResponse> response;
   if (!options.response.empty()) response = read_response(options.response);
   const core::Encoding encoding = response ? core::Encoding::kLinear : options.encoding;
   ExposedPictures pictures = read_exposed_pictures(options.files, encoding);
+  std::vector<std::filesystem::path> inputs = pictures.files;
+  inputs.insert(inputs.end(), options.dark.begin(), options.dark.end());
+  require_writable_result(options, inputs);
   const std::size_t count = pictures.images.size();
   if (options.dark.size() > 1 && options.dark.size() != count) {
     throw core::UsageError("--dark: give one dark picture for all, or one for each of the " + std::to_string(count) +
@@ -59,6 +82,11 @@ void run_merge(const Options& options, const Context& context) {
                          darks.empty() ? core::ImageView() : darks[i].view()});
   }
   const core::MergedExposures merged = core::merge_exposures(exposures);
+  const auto values = merged.image.values();
+  if (!darks.empty() &&
+      std::count_if(values.begin(), values.end(), [](float v) { return v < 0; }) > std::ptrdiff_t(values.size() / 2)) {
+    core::warn("--dark is brighter than most of the pictures: was it taken without light, with the same exposures?");
+  }
   core::write_image(options.out, merged.image);
   std::size_t pixels = 0;
   for (const float v : merged.saturated.values()) pixels += v > 0;

@@ -2,14 +2,17 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <nlohmann/json.hpp>
 
 #include "core/direction.h"
 #include "core/error.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -25,10 +28,20 @@ inline CLI::Validator number_between(double lowest, double highest) {
   return validator;
 }
 
-// One of these names; CLI11 would show their numbers in the help, the option's own text names them.
+// One of these names, which the option's own text lists. (CLI11's own would take the numbers behind them too, and show those.)
 template <typename Value>
 CLI::Validator one_of(const std::map<std::string, Value>& names) {
-  return CLI::CheckedTransformer(names).description("");
+  return {[names](std::string& text) {
+            const auto found = names.find(text);
+            if (found != names.end()) {
+              text = std::to_string(static_cast<std::int64_t>(found->second));
+              return std::string();
+            }
+            std::vector<std::string> known;
+            for (const auto& [name, value] : names) known.push_back(name);
+            return "'" + text + "' is none of " + core::joined(known, ", ") + core::did_you_mean(text, known);
+          },
+          ""};
 }
 
 // core::parse_direction of an option's value: what is wrong with it is the command line's fault.

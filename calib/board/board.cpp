@@ -259,6 +259,11 @@ core::Image board_picture(const Board& board, int pixels_per_square, int margin_
   const cv::Size size(board.columns * pixels_per_square, board.rows * pixels_per_square);
   cv::Mat field(size, CV_8U, cv::Scalar(255));
   if (board.kind == BoardKind::kCharuco) {
+    const int needed = dictionary_of(board)->markerSize + 2;  // a pixel for each bit and the border
+    if (pixels_per_square * board.marker_m / board.square_m < needed) {
+      throw core::BadInput("board: its markers would be fewer than " + std::to_string(needed) +
+                           " pixels wide; make them larger, or print with more dots per inch");
+    }
     charuco(board)->draw(size, field, 0, 1);
   } else {
     for (int row = 0; row < board.rows; ++row) {

@@ -91,7 +91,7 @@ struct BlendingGain {
 BlendingGain blending_gain(const MovingPass& pass, const align::MotionTrack& motion, std::size_t directions);
 
 // Registration of photographed faces under different lights, each of which moved a little between frames. Lists of pictures that their
-// importer leaves out are left out here too.
+// importer leaves out are left out here too; damage is not looked for.
 struct FacesRow {
   std::string name;
   std::size_t pictures = 0, objected = 0;

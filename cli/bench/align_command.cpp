@@ -149,9 +149,10 @@ void run(const Options& options, Context& context) {
                                                     "then", "mean sharper by", "known shifts: median px", "95 % px"}};
   ordered_json faces = ordered_json::array();
   const auto add_faces = [&](const FacesRow& row) {
+    const bool has_means = !row.mean_before.empty();
     face_cells.push_back({row.name, std::to_string(row.pictures), std::to_string(row.objected),
                           fixed(row.median_motion_px, 2), fixed(row.residual_before_px, 2),
-                          fixed(row.residual_after_px, 2), fixed(row.sharpness_gain, 2),
+                          fixed(row.residual_after_px, 2), has_means ? fixed(row.sharpness_gain, 2) : "-",
                           fixed(row.injected_median_px, 2), fixed(row.injected_p95_px, 2)});
     faces.push_back({{"name", row.name},
                      {"pictures", row.pictures},
@@ -159,7 +160,7 @@ void run(const Options& options, Context& context) {
                      {"median_motion_px", row.median_motion_px},
                      {"residual_before_px", row.residual_before_px},
                      {"residual_after_px", row.residual_after_px},
-                     {"sharpness_gain", row.sharpness_gain},
+                     {"sharpness_gain", has_means ? ordered_json(row.sharpness_gain) : ordered_json()},
                      {"known_shift_median_px", row.injected_median_px},
                      {"known_shift_p95_px", row.injected_p95_px}});
   };

@@ -129,11 +129,23 @@ BallEntry read_ball(const core::TomlTable& table, const fs::path& folder, const 
   return entry;
 }
 
+void require_size(core::ImageView picture, const core::CameraModel& model, const fs::path& file,
+                  const fs::path& first) {
+  if (picture.width() == model.width && picture.height() == model.height) return;
+  throw core::BadInput(file.string() + ": is " + std::to_string(picture.width()) + " x " +
+                       std::to_string(picture.height()) + " pixels, '" + first.filename().string() + "' is " +
+                       std::to_string(model.width) + " x " + std::to_string(model.height));
+}
+
 core::Image mean_picture(const BallPictures& pictures, const BallInPictures& view) {
   core::Image mean;
   for (std::size_t i = 0; i < pictures.names.size(); ++i) {
     const core::Image picture = load_picture(pictures, view, i);
     if (i == 0) mean = core::Image(picture.size());
+    if (picture.channels() != mean.channels()) {
+      throw core::BadInput((view.folder / pictures.names[i]).string() + ": has " + std::to_string(picture.channels()) +
+                           " channels, '" + pictures.names.front() + "' has " + std::to_string(mean.channels()));
+    }
     const auto count = float(pictures.names.size());
     for (std::size_t k = 0; k < mean.values().size(); ++k) mean.values()[k] += picture.values()[k] / count;
   }
@@ -152,7 +164,18 @@ void place(const BallPictures& pictures, BallEntry& entry, bool detect) {
                          "': nothing says where it is; give 'circle' or 'outline' in the description, or --detect");
   }
   std::optional<core::Image> picture;
-  if (entry.outline) picture = core::read_image(*entry.outline, {.encoding = pictures.encoding});
+  if (entry.outline) {
+    picture = core::read_image(*entry.outline, {.encoding = pictures.encoding});
+    require_size(*picture, view.model, *entry.outline, first);
+  }
+  if (entry.circle) {
+    const auto& [middle, radius] = *entry.circle;
+    if (middle.x + radius < 0 || middle.y + radius < 0 || middle.x - radius > size.width - 1 ||
+        middle.y - radius > size.height - 1) {
+      throw core::BadInput("ball '" + view.ball + "': its circle lies outside the pictures, which have " +
+                           std::to_string(size.width) + " x " + std::to_string(size.height) + " pixels");
+    }
+  }
   if (!entry.circle && !entry.outline) picture = mean_picture(pictures, view);
   try {
     if (picture && entry.camera) {
@@ -226,6 +249,11 @@ BallPictures find_balls(const fs::path& folder, const std::optional<fs::path>& d
     }
     for (const core::TomlTable& ball : table.tables("ball")) {
       entries.push_back(read_ball(ball, folder, cameras, entries.size()));
+      const BallInPictures& view = entries.back().view;
+      const bool twice = std::any_of(entries.begin(), entries.end() - 1, [&](const BallEntry& e) {
+        return e.view.ball == view.ball && e.view.camera == view.camera;
+      });
+      if (twice) ball.fail("name", "'" + view.ball + "' is described twice; only other cameras see a ball again");
     }
     if (entries.empty() && !cameras.empty()) table.fail("ball", "is missing: a camera alone shows no light");
     table.finish();
@@ -264,7 +292,9 @@ BallPictures find_balls(const fs::path& folder, const std::optional<fs::path>& d
 }
 
 core::Image load_picture(const BallPictures& pictures, const BallInPictures& view, std::size_t light) {
-  core::Image picture = core::read_image(view.folder / pictures.names[light], {.encoding = pictures.encoding});
+  const fs::path file = view.folder / pictures.names[light];
+  core::Image picture = core::read_image(file, {.encoding = pictures.encoding});
+  require_size(picture, view.model, file, pictures.names.front());
   if (pictures.dark) {
     const core::Image dark = core::read_image(view.folder / *pictures.dark, {.encoding = pictures.encoding});
     if (dark.size() != picture.size()) {

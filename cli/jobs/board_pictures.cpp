@@ -95,6 +95,8 @@ BoardPictures board_passes(const db::Store& store, const std::vector<std::string
   result.board = board;
   std::size_t instant = 0;
   for (const std::string& name : scans) {
+    // Counted twice, its corners would promise errors that nothing was measured for.
+    if (std::count(scans.begin(), scans.end(), name) > 1) throw core::UsageError("scan '" + name + "' is named twice");
     const db::Scan scan = ball_pass(store, name, db::ScanKind::kChessboard, "chessboard (`capture --chessboard`)");
     const capture::Stage stage = capture_provenance(scan).stage;
     if (result.scans.empty()) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numeric>
 
 #include "cli/options.h"
 #include "core/file.h"
@@ -23,6 +25,38 @@ std::optional<double> seconds_of(std::string_view text) {
   return value && *value > 0 && std::isfinite(*value) ? value : std::nullopt;
 }
 
+double mean(const core::Image& image) {
+  double sum = 0;
+  for (const float v : image.values()) sum += double(v);
+  return sum / double(std::max<std::size_t>(1, image.values().size()));
+}
+
+// Noise and flicker are below the tenth; times in another order than the pictures are far above it.
+void require_brighter_with_time(const ExposedPictures& pictures) {
+  constexpr double kFlicker = 0.1;
+  std::vector<std::size_t> order(pictures.images.size());
+  std::iota(order.begin(), order.end(), std::size_t(0));
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return pictures.seconds[a] < pictures.seconds[b]; });
+  std::vector<double> means;
+  for (const core::Image& image : pictures.images) means.push_back(mean(image));
+  const double noise = 1e-3 * *std::max_element(means.begin(), means.end());  // of pictures that are all but black
+  double brightest = -std::numeric_limits<double>::infinity();
+  std::size_t brightest_of = order.front();
+  for (const std::size_t i : order) {
+    const double found = means[i];
+    if (found < brightest - std::max(kFlicker * std::abs(brightest), noise) &&
+        pictures.seconds[i] > pictures.seconds[brightest_of]) {
+      throw core::BadInput(pictures.files[i].string() + ": is darker than " + pictures.files[brightest_of].string() +
+                           ", of a shorter exposure; give the times in the order of the pictures");
+    }
+    if (found > brightest) {
+      brightest = found;
+      brightest_of = i;
+    }
+  }
+}
+
 void read_csv(const std::filesystem::path& path, ExposedPictures& pictures) {
   const std::string text = core::read_text_file(path);
   int line_number = 0;
@@ -39,6 +73,7 @@ void read_csv(const std::filesystem::path& path, ExposedPictures& pictures) {
     pictures.files.push_back(path.parent_path() / std::string(core::trim(fields[0])));
     pictures.seconds.push_back(*seconds);
   }
+  if (pictures.files.empty()) throw core::BadInput(path.string() + ": names no picture; a line must be `file,seconds`");
 }
 
 }  // namespace
@@ -89,6 +124,7 @@ ExposedPictures read_exposed_pictures(const ExposureFiles& files, core::Encoding
       throw core::BadInput(file.string() + ": the picture is of another size than " + pictures.files.front().string());
     }
   }
+  require_brighter_with_time(pictures);
   return pictures;
 }
 
@@ -97,10 +133,15 @@ core::Image read_picture(const std::filesystem::path& file, core::Encoding encod
   return image.channels() == 1 || image.channels() == 3 ? std::move(image) : core::to_rgb(image);
 }
 
-double usual_saturation(const std::filesystem::path& file) {
+std::string lower_case_extension(const std::filesystem::path& file) {
   std::string extension = file.extension().string();
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return std::tolower(c); });
+  return extension;
+}
+
+double usual_saturation(const std::filesystem::path& file) {
+  const std::string extension = lower_case_extension(file);
   return extension == ".exr" || extension == ".hdr" ? 0 : 1;
 }
 

@@ -42,6 +42,7 @@ std::map<int, Vec3> light_positions(const db::Store& store, const db::Scan& scan
     }
     return positions;
   }
+  core::warn("scan '" + scan.name + "': the stage's lights are not calibrated, and taken to hang where they are drawn");
   for (std::size_t i = 0; i < stage.light_positions.size(); ++i) positions[int(i)] = stage.light_positions[i];
   return positions;
 }

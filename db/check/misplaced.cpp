@@ -41,8 +41,8 @@ Shading shading_of(const core::Image& thumbnail, const core::Image& mask) {
   for (std::size_t p = 0; p < shading.size(); ++p) {
     shading[p] = std::sqrt(inside(p)) * (double(shown.values()[p]) - mean);
   }
-  // What varies so little (a white card) shows the lens and noise, not where the light is.
-  constexpr double kEven = 0.05;
+  // What varies so little (a white card) shows the lens, how near the light is and noise, not where it is.
+  constexpr double kEven = 0.1;
   double squares = 0;
   for (const double v : shading) squares += v * v;
   if (area > 0 && squares / area < kEven * kEven * mean * mean) std::fill(shading.begin(), shading.end(), 0.0);

@@ -2,8 +2,14 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 
 #include <catch2/catch.hpp>
+#include <chrono>
+#include <csignal>
+#include <fstream>
+#include <limits>
+#include <thread>
 
 #include "cli/program.h"
+#include "core/error.h"
 #include "db/store.h"
 #include "support/support.h"
 
@@ -244,6 +250,113 @@ TEST_CASE_METHOD(Pass, "tracking frames that show nothing are not taken for a su
     for (const db::Frame& frame : dark) replace(frame, fill(50));
     refused("once the dark frames are subtracted");
   }
+}
+
+TEST_CASE_METHOD(
+    Pass, "values that are not finite do not come into the store, and a frame they were written into is refused") {
+  std::vector<db::Frame> tracking, lights;
+  {
+    const db::Store opened = db::Store::open(store);
+    tracking = tracking_frames(opened);
+    const db::Scan scan = opened.scan("head");
+    for (const db::Frame& frame : opened.frames(scan.id))
+      if (scan.steps[std::size_t(frame.step_index)].kind == db::StepKind::kLight) lights.push_back(frame);
+  }
+  const auto with = [&](float value) {
+    replace(tracking[1], [value](core::Image& picture) { picture(20, 30, 1) = value; });
+  };
+  CHECK_THROWS_AS(with(std::numeric_limits<float>::quiet_NaN()), core::BadInput);
+  CHECK_THROWS_AS(with(-std::numeric_limits<float>::infinity()), core::BadInput);
+  const auto refused = [&](const db::Frame& frame) {
+    {
+      std::fstream file(db::Store::open(store).object_path(frame.object),
+                        std::ios::binary | std::ios::in | std::ios::out);
+      const float nan = std::numeric_limits<float>::quiet_NaN();
+      file.seekp(-std::streamoff(sizeof nan), std::ios::end);
+      file.write(reinterpret_cast<const char*>(&nan), sizeof nan);
+      REQUIRE(file.good());
+    }
+    const test::Outcome outcome = run_program(store, {"align", "head", "--quiet"});
+    INFO(outcome.err);
+    CHECK(outcome.status == 5);
+    CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+    CHECK(outcome.err.find(frame.object.hex() + " is damaged") != std::string::npos);
+    CHECK(db::Store::open(store).products("alignment").empty());
+  };
+  // Each is read before those that are damaged already.
+  refused(lights[5]);
+  refused(tracking[1]);
+  refused(tracking[2]);
+}
+
+TEST_CASE_METHOD(Pass, "pictures of a pixel and of three columns are refused in one line") {
+  std::vector<db::Frame> frames;
+  {
+    const db::Store opened = db::Store::open(store);
+    frames = opened.frames(opened.scan("head").id);
+  }
+  for (const auto& [height, width] : {std::pair{1, 1}, std::pair{3, 200}, std::pair{200, 3}}) {
+    // All of a camera's frames have one size, and the simulator's mask is of it.
+    SQLite::Database((store / "store.sqlite").string(), SQLite::OPEN_READWRITE)
+        .exec("PRAGMA foreign_keys = ON; DELETE FROM frames; DELETE FROM products WHERE kind = 'mask'");
+    for (const db::Frame& frame : frames) {
+      db::Store opened = db::Store::open(store);
+      const core::Image picture = opened.object(frame.object);
+      core::Image small(height, width, 3);
+      for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) std::copy_n(picture.pixel(40 + y % 48, 40 + x % 48), 3, small.pixel(y, x));
+      opened.put_frame(frame, small);
+    }
+    for (const bool robust : {false, true}) {
+      std::vector<std::string> arguments{"align", "head", "--quiet"};
+      if (robust) arguments.emplace_back("--robust");
+      const test::Outcome outcome = run_program(store, arguments);
+      INFO(height << " x " << width << (robust ? ", robust: " : ": ") << outcome.err);
+      CHECK(outcome.status == 3);
+      CHECK(std::count(outcome.err.begin(), outcome.err.end(), '\n') == 1);
+      CHECK(db::Store::open(store).products("alignment").empty());
+    }
+  }
+}
+
+TEST_CASE_METHOD(Pass, "a subject without texture is aligned by its outline, or left as it is") {
+  std::vector<db::Frame> tracking;
+  {
+    const db::Store opened = db::Store::open(store);
+    tracking = tracking_frames(opened);
+  }
+  for (std::size_t i = 0; i < tracking.size(); ++i) {
+    replace(tracking[i], [&](core::Image& picture) {
+      for (int y = 0; y < picture.height(); ++y)
+        for (int x = 0; x < picture.width(); ++x)
+          for (int c = 0; c < 3; ++c) picture(y, x, c) = std::hypot(y - 64.0, x - 64.0 - double(i)) < 40 ? 0.4F : 0.0F;
+    });
+  }
+  const auto report = succeed(store, {"align", "head"});
+  INFO(report.dump());
+  CHECK(report["aligned"] == 24);
+  CHECK(report["largest_motion_px"].get<double>() < 3);
+}
+
+TEST_CASE_METHOD(Pass, "Ctrl-C in mid alignment leaves the scan as it was, and it can be aligned again") {
+  const auto objects = [&] {
+    using Files = std::filesystem::recursive_directory_iterator;
+    return std::count_if(Files(store / "objects"), Files(), [](const auto& entry) { return entry.is_regular_file(); });
+  };
+  const auto captured = objects();
+  test::BackgroundRun run(store, {"align", "head", "--flow", "tvl1", "--threads", "1", "--quiet"});
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(120);
+  while (objects() == captured && std::chrono::steady_clock::now() < deadline)
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  REQUIRE(objects() > captured);  // the first flow of five is stored
+  run.signal(SIGINT);
+  const int status = run.wait();
+  // This process may have been held up so long that all was done when the signal came.
+  REQUIRE((status == 130 || status == 0));
+  CHECK(db::Store::open(store).products("alignment").size() == (status == 0 ? 1 : 0));
+  CHECK(run_program(store, {"evaluate", "head", "--held-out", "--method", "nearest"}).status == 0);
+  CHECK(succeed(store, {"align", "head"})["aligned"] == 24);
+  CHECK(succeed(store, {"store", "verify"})["ok"] == true);
 }
 
 TEST_CASE("a set without tracking frames is registered on demand, and says that this is weaker") {

@@ -167,6 +167,12 @@ TEST_CASE("calibrate cameras: what cannot be calibrated is refused in one line")
                      "dictionary = \"6x6_250\"\n"),
           3, "no marker of dictionary");
   refused(studio.run({"calibrate", "cameras", "--board", studio.path("board.toml")}), 2, "--pictures");
+  // Squares that were measured are not written over, and markers have a pixel for each bit.
+  refused(studio.run({"calibrate", "board", "--square-mm", "30", "--out", studio.path("board.png")}), 2, "already");
+  refused(studio.run({"calibrate", "board", "--square-mm", "1", "--dpi", "50", "--out", studio.path("tiny.png")}), 3,
+          "dots per inch");
+  refused(studio.run({"calibrate", "board", "--kind", "chessboard", "--marker-mm", "9", "--out", studio.path("c.png")}),
+          2, "no markers");
   refused(
       studio.run({"calibrate", "cameras", "--pictures", studio.path("nowhere"), "--board", studio.path("board.toml")}),
       3, "no folder");
@@ -205,6 +211,8 @@ TEST_CASE("a chessboard pass calibrates the stage's cameras, which passes are th
                                      "--distortion", "k1", "--json", "--quiet"});
   INFO(outcome.err << outcome.out);
   REQUIRE(outcome.status == 0);
+  // A pass counts once.
+  CHECK(run({"calibrate", "cameras", "boards", "boards", "--board", (folder / "board.toml").string()}).status == 2);
   const nlohmann::json result = outcome.json();
   CHECK(result.at("frame") == "drawn rig");
   const double scale = 320.0 / 512;

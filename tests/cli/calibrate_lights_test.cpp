@@ -202,6 +202,15 @@ TEST_CASE("what does not fit together is refused with one line that says what") 
   refused("stage_radius_m = 1.5\n[[ball]]\ncircle = [61, 55, 40]\n", "radius_m");
   refused("encoding = \"raw\"\n", "encoding");
   refused("[[camera]]\nfocal_length_pixels = [900, 900]\nprincipal_point_pixels = [62, 56]\n", "ball");
+  refused("[[ball]]\ncircle = [-61, 55, 40]\n", "outside the pictures");
+  refused("[[ball]]\nname = \"a\"\ncircle = [61, 55, 40]\n[[ball]]\nname = \"a\"\ncircle = [61, 55, 40]\n", "twice");
   CHECK(lights.run({}).status == 2);
+  core::write_image(lights.folder / "light9999.png", core::Image(20, 30, 3));
+  for (const std::vector<std::string>& how :
+       {std::vector<std::string>{"--detect"}, {"--circles", (lights.folder / "balls.toml").string()}}) {
+    const test::Outcome outcome = lights.run(how);
+    CHECK(outcome.status == 3);
+    CHECK(outcome.err.find("light9999.png: is 30 x 20 pixels") != std::string::npos);
+  }
   CHECK(test::run_program(lights.folder / "no store", {"calibrate"}).status == 2);
 }

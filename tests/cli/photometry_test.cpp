@@ -119,7 +119,30 @@ TEST_CASE("loose exposures are merged, with a response and without, and tell how
   const test::Outcome bad = program.run({"merge", "--csv", program.path("bad.csv"), "--out", program.path("x.exr")});
   CHECK(bad.status == 3);
   CHECK(bad.err.find("bad.csv:2") != std::string::npos);
+  std::ofstream(program.folder / "none.csv") << "file,seconds\n";
+  CHECK(program.run({"merge", "--csv", program.path("none.csv"), "--out", program.path("x.exr")}).status == 3);
+  // Times in another order than the pictures.
+  const test::Outcome swapped =
+      program.run(command({"merge"}, linear, {"--exposures", "4,2,1,1/2,1/4", "--out", program.path("x.exr")}));
+  CHECK(swapped.status == 3);
+  CHECK(swapped.err.find("is darker than") != std::string::npos);
+  CHECK(program
+            .run(command({"merge"}, encoded,
+                         with({"--encoding", "srgb", "--response", program.path("camera/response.csv"), "--out",
+                               program.path("x.exr")})))
+            .status == 2);
   CHECK_FALSE(std::filesystem::exists(program.folder / "x.exr"));
+  const test::Outcome bright_dark =
+      program.run(command({"merge"}, linear, with({"--dark", linear.back(), "--out", program.path("dark.exr")})));
+  CHECK(bright_dark.status == 0);
+  CHECK(bright_dark.err.find("--dark is brighter") != std::string::npos);
+  // Photographs are never what is written to.
+  const core::Image photograph = core::read_image(linear.front());
+  CHECK(program.run(command({"merge"}, linear, with({"--out", linear.front()}))).status == 2);
+  CHECK(program.run(command({"merge"}, linear, with({"--dark", linear.back(), "--out", linear.back()}))).status == 2);
+  CHECK(core::read_image(linear.front()) == photograph);
+  CHECK(program.run(command({"merge"}, linear, with({"--out", program.path("x.png")}))).status == 2);
+  CHECK_FALSE(std::filesystem::exists(program.folder / "x.png"));
 }
 
 TEST_CASE("a pass of a white card gives the camera's flat field, by which frames are divided from then on") {
@@ -148,6 +171,9 @@ TEST_CASE("a pass of a white card gives the camera's flat field, by which frames
   }
   CHECK(largest < 0.005);
   CHECK(program.run({"calibrate", "flat"}).status == 2);
+  CHECK(program.run({"calibrate", "flat", "--scan", "card", "--dark", program.path("stage.toml")}).status == 2);
+  CHECK(program.run({"calibrate", "flat", "--scan", "card", "--out", program.path("stage.toml")}).status == 3);
+  CHECK(program.succeed({"store", "show", "card"}).at("products").size() == 1);
   CHECK(program.run({"calibrate", "flat", "--scan", "cart"}).status == 2);
   CHECK(program.run({"calibrate", "flat", program.path("stage.toml"), "--out", program.path("x")}).status == 3);
   CHECK(program.succeed({"store", "verify"}).at("ok") == true);
@@ -236,4 +262,7 @@ TEST_CASE("colours of a file are applied to imported pictures when they are load
       program.run({"calibrate", "colour", program.path("a.exr"), "--out", program.path("c")});
   CHECK(chartless.status == 3);
   CHECK(chartless.err.find("a.exr") != std::string::npos);
+  CHECK(
+      program.run({"calibrate", "colour", program.path("a.exr"), "--out", program.path("c"), "--camera", "x"}).status ==
+      2);
 }

@@ -10,9 +10,9 @@ using test::run_program;
 TEST_CASE("every command has help with an example, on stdout, and succeeds") {
   const test::TemporaryFolder folder;
   for (const std::string command :
-       {"init",  "stage",    "capture", "calibrate", "align",      "import",  "export",
-        "train", "superres", "relight", "normals",   "sky",        "methods", "evaluate",
-        "store", "model",    "bench",   "doctor",    "lights-off", "demo",    "analyze-env"}) {
+       {"init",     "stage",   "capture",    "calibrate", "align",       "import",   "export", "train",
+        "superres", "relight", "normals",    "sky",       "methods",     "evaluate", "store",  "model",
+        "bench",    "doctor",  "lights-off", "demo",      "analyze-env", "merge"}) {
     INFO(command);
     const test::Outcome help = run_program(folder / "store", {command, "--help"});
     CHECK(help.status == 0);
@@ -40,6 +40,10 @@ TEST_CASE("what is misspelt is answered with the nearest name and exit status 2"
              "no option '--lihgt' (did you mean '--light'?)");
   fails_with({"init", "--jsn"}, "(did you mean '--json'?)");
   fails_with({"superres", "head"}, "--out");
+  fails_with({"capture", "--stage", "x.toml", "--sim", "--procedural", "1", "--views", "3", "--name", "x"}, "--views");
+  fails_with({"align", "head", "--flow", "fien"}, "--flow: 'fien' is none of");
+  fails_with({"align", "head", "--flow", "fien"}, "(did you mean 'fine'?)");
+  fails_with({"align", "head", "--flow", "3"}, "--flow: '3' is none of");
   fails_with({}, "lightstage --help");
   fails_with({"stage", "--lights", "-4", "--out", "x.toml"}, "--lights");
   fails_with({"stage", "--lights", "many", "--out", "x.toml"}, "--lights");

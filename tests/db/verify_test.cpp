@@ -7,7 +7,9 @@
 #include <SQLiteCpp/SQLiteCpp.h>
 #include <catch2/catch.hpp>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
+#include <random>
 #include <thread>
 
 #include "core/image_file.h"
@@ -211,6 +213,29 @@ TEST_CASE("pictures without shading accuse nobody") {
     CHECK(db::find_misplaced(lights, flat, {}).empty());
   }
   CHECK(db::find_misplaced({}, {}, {}).empty());
+
+  // A white card under near lights, down to grazing ones: their distance, the lens and noise, of which the last is all that these show.
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 0.003);
+  std::vector<core::Direction> around;
+  std::vector<core::Image> cards;
+  constexpr int kLights = 42, kSide = 8;
+  for (int i = 0; i < kLights; ++i) {
+    const double z = 0.005 + 0.99 * i / kLights, r = std::sqrt(1 - z * z), turn = 2.399963 * i;
+    around.push_back(core::Direction::from_vector({r * std::cos(turn), r * std::sin(turn), z}));
+    core::Image card(kSide, kSide, 1);
+    for (int row = 0; row < kSide; ++row) {
+      for (int column = 0; column < kSide; ++column) {
+        const core::Vec3 point{0.16 * (column - 3.5) / 4, -0.16 * (row - 3.5) / 4, 0};
+        const core::Vec3 to_light = around.back().vec() * 1.5 - point;
+        const double vignetting = 1 - 3 * (point.x * point.x + point.y * point.y);
+        const double light = 3.375 * to_light.z / std::pow(norm(to_light), 3) / 1.5;
+        card(row, column) = float(std::max(0.0, 0.5 * vignetting * light + noise(random)));
+      }
+    }
+    cards.push_back(std::move(card));
+  }
+  CHECK(db::find_misplaced(around, cards, {}).empty());
 }
 
 TEST_CASE_METHOD(Fixture, "a catalogue with a foreign table or a dangling row is found out") {
