@@ -25,7 +25,7 @@ std::string megabytes(std::uint64_t bytes) {
 }
 
 void verify(const db::VerifyOptions& options, Context& context) {
-  const db::Store store = context.open_store();
+  const db::Store store = db::Store::open(context.store_folder);  // whatever state it is in
   const db::VerifyReport report = store.verify(options);
   std::string text = std::to_string(report.frames) + " frames, " + std::to_string(report.objects) + " objects: " +
                      (report.errors.empty() ? "all sound" : std::to_string(report.errors.size()) + " errors") + "\n";
@@ -63,7 +63,7 @@ void report_copy(const std::string& verb, const db::BackupReport& report, const 
 }
 
 void repair(const std::vector<std::filesystem::path>& backups, Context& context) {
-  db::Store store = context.open_store();
+  db::Store store = db::Store::open(context.store_folder);
   const db::RepairReport report = store.repair(backups);
   std::string text = report.mended.empty() && report.lost.empty()
                          ? "nothing to repair\n"

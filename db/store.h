@@ -177,6 +177,10 @@ class Store {
   // harmless). May be nested. Other writers wait meanwhile, so put objects first and add only rows in here.
   void atomically(const std::function<void()>& work);
 
+  // Throws StoreError when a quick check of the catalogue's pages and rows finds something, as it does in one that was damaged or made by somebody who
+  // means harm. Catalogues of more than 4 MiB are not checked here, but by verify().
+  void require_sound_catalogue() const;
+
   // Throws StoreError when the store can only be read (a disk mounted read-only, another owner): to know before long work.
   void require_writable() const;
 

@@ -5,11 +5,16 @@
 #include <assimp/postprocess.h>
 #include <assimp/scene.h>
 
+#include <assimp/DefaultIOSystem.h>
+#include <algorithm>
 #include <assimp/Importer.hpp>
+#include <cctype>
 #include <filesystem>
+#include <set>
 
 #include "core/display.h"
 #include "core/error.h"
+#include "core/foreign_path.h"
 #include "db/content_hash.h"
 #include "sim/scene/random.h"
 #include "sim/subjects/mesh_subject.h"
@@ -55,6 +60,29 @@ class FileAppearance : public Appearance {
 bool is_gltf(const fs::path& path) {
   return path.extension() == ".gltf" || path.extension() == ".glb";
 }
+
+// Opens the mesh and what it names, below its folder.
+class FilesBeside : public Assimp::DefaultIOSystem {
+ public:
+  explicit FilesBeside(const fs::path& mesh) : mesh_(mesh), folder_(mesh.parent_path()) {}
+
+  bool Exists(const char* file) const override { return may_read(file) && DefaultIOSystem::Exists(file); }
+  Assimp::IOStream* Open(const char* file, const char* mode) override {
+    return may_read(file) && *mode == 'r' ? DefaultIOSystem::Open(file, mode) : nullptr;
+  }
+
+ private:
+  // Importers put the mesh's folder before the name; some ask for the bare name too.
+  bool may_read(const fs::path& file) const {
+    std::error_code error;
+    if (!fs::is_regular_file(file, error)) return false;
+    if (file == mesh_) return true;
+    const fs::path name = file.lexically_relative(folder_.empty() ? fs::path(".") : folder_);
+    return !core::objection_to_name(folder_, name.native()) && fs::equivalent(file, folder_ / name, error);
+  }
+
+  fs::path mesh_, folder_;
+};
 
 class Loader {
  public:
@@ -151,7 +179,13 @@ std::unique_ptr<Subject> load_mesh(const std::string& path_text, const std::stri
                                    std::uint64_t seed) {
   const fs::path path = path_text;
   check_file(path, hash);
+  // Each format is one more parser of strangers' bytes; these are the ones that scanners and modellers write.
+  static const std::set<std::string> kFormats{".ply", ".obj", ".gltf", ".glb", ".stl", ".off"};
+  std::string format = path.extension().string();
+  std::transform(format.begin(), format.end(), format.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  if (!kFormats.contains(format)) throw core::BadInput(path.string() + ": not a PLY, OBJ, glTF, GLB, STL or OFF file");
   Assimp::Importer importer;
+  importer.SetIOHandler(new FilesBeside(path));  // which the importer owns
   const aiScene* scene = importer.ReadFile(
       path.string(), aiProcess_Triangulate | aiProcess_JoinIdenticalVertices | aiProcess_GenSmoothNormals |
                          aiProcess_PreTransformVertices | aiProcess_SortByPType | aiProcess_FindInvalidData |

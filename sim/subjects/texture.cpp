@@ -2,11 +2,15 @@
 
 #include <assimp/scene.h>
 
+#include <algorithm>
+#include <cctype>
 #include <random>
 #include <system_error>
 
 #include "core/display.h"
+#include "core/error.h"
 #include "core/file.h"
+#include "core/foreign_path.h"
 #include "core/image_file.h"
 
 namespace lightstage::sim {
@@ -67,11 +71,17 @@ Vec3f look_up(const core::Image& texture, TexturePoint place) {
 
 core::Image read_texture(const aiScene& scene, const fs::path& mesh_path, const std::string& name) {
   const aiTexture* embedded = scene.GetEmbeddedTexture(name.c_str());
-  if (embedded == nullptr) return core::to_rgb(core::read_image(mesh_path.parent_path() / name));
+  if (embedded == nullptr) {
+    return core::to_rgb(
+        core::read_image(core::path_inside(mesh_path.parent_path(), name, mesh_path.string() + ": its texture")));
+  }
   if (embedded->mHeight != 0) return from_texels(*embedded);
-  // Otherwise mWidth counts the bytes of a compressed picture.
-  const TemporaryFile file({reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth},
-                           embedded->achFormatHint);
+  // Otherwise mWidth counts the bytes of a compressed picture. The hint is the file's word, and becomes part of a path.
+  const std::string format = embedded->achFormatHint;
+  if (format.empty() || !std::all_of(format.begin(), format.end(), [](unsigned char c) { return std::isalnum(c); })) {
+    throw core::BadInput(mesh_path.string() + ": does not say of what format its texture is");
+  }
+  const TemporaryFile file({reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth}, format);
   return core::to_rgb(core::read_image(file.path()));
 }
 
