@@ -152,6 +152,10 @@ int run(const std::vector<std::string>& arguments, std::ostream& out) {
     // A path that the system refuses to look at: too long, through a file, or not permitted.
     std::cerr << "lightstage: " << core::printable(error.path1().string() + ": " + error.code().message()) << "\n";
     return core::exit_code(core::ErrorKind::kBadInput);
+  } catch (const nlohmann::json::exception& error) {
+    std::cerr << "lightstage: the store holds JSON that is not as this program writes it: "
+              << core::printable(error.what()) << "\n";
+    return core::exit_code(core::ErrorKind::kStore);
   } catch (const std::bad_alloc&) {
     std::cerr
         << "lightstage: out of memory; what this command had not finished is left as it was or can be gone on with\n";

@@ -58,6 +58,9 @@ struct Scan : NewScan {
   std::string program_version;
 };
 
+// The step of this index. Throws StoreError when the scan has none, which only a damaged or foreign catalogue can say of a frame.
+const Step& step_of(const Scan& scan, int step_index);
+
 struct NewFrame {
   Id scan_id = 0;
   std::string camera;

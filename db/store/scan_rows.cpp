@@ -99,6 +99,15 @@ std::string_view to_string(StepKind kind) {
   return kStepKinds.at(std::size_t(kind));
 }
 
+const Step& step_of(const Scan& scan, int step_index) {
+  const auto step = std::lower_bound(scan.steps.begin(), scan.steps.end(), step_index,
+                                     [](const Step& s, int index) { return s.step_index < index; });
+  if (step == scan.steps.end() || step->step_index != step_index) {
+    throw core::StoreError("scan '" + scan.name + "' has no step " + std::to_string(step_index));
+  }
+  return *step;
+}
+
 void Store::require_free_name(const std::string& name) const {
   check_name(name, "scan");
   if (find_scan(name)) {
