@@ -146,7 +146,8 @@ StageSimulation read_simulation(const core::TomlTable& table, std::size_t light_
 }
 
 void require_at_most(const core::TomlTable& table, const std::string& key, std::size_t count, std::size_t most) {
-  if (count > most) table.fail(key, "comes " + std::to_string(count) + " times; a stage has at most " + std::to_string(most));
+  if (count > most)
+    table.fail(key, "comes " + std::to_string(count) + " times; a stage has at most " + std::to_string(most));
 }
 
 Stage read_table(const core::TomlTable& table) {

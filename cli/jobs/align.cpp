@@ -9,8 +9,8 @@
 #include "align/agreement.h"
 #include "align/subject_mask.h"
 #include "cli/jobs/provenance.h"
-#include "cli/options.h"
 #include "cli/jobs/stored_json.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
@@ -219,9 +219,7 @@ class CameraAlignment {
   }
 
   db::StepKind kind_of(int step) const { return db::step_of(scan_, step).kind; }
-  int light_of(const TimedFrame& frame) const {
-    return *db::step_of(scan_, frame.frame.step_index).light_index;
-  }
+  int light_of(const TimedFrame& frame) const { return *db::step_of(scan_, frame.frame.step_index).light_index; }
 
   // Lights of which no frame is to be used.
   std::set<int> lost_lights() const {

@@ -37,12 +37,12 @@ CaptureProvenance capture_provenance(const db::Scan& scan) {
   }
   return reading_json(where, [&] {
     CaptureProvenance provenance;
-  provenance.stage = capture::parse_stage(json["stage_toml"].get<std::string>(), where);
-  provenance.sequence =
-      capture::parse_sequence(json["sequence_toml"].get<std::string>(), where, provenance.stage.light_positions.size());
-  provenance.pass_steps = json.value("pass_steps", provenance.sequence.steps.size());
-  if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
-  return provenance;
+    provenance.stage = capture::parse_stage(json["stage_toml"].get<std::string>(), where);
+    provenance.sequence = capture::parse_sequence(json["sequence_toml"].get<std::string>(), where,
+                                                  provenance.stage.light_positions.size());
+    provenance.pass_steps = json.value("pass_steps", provenance.sequence.steps.size());
+    if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
+    return provenance;
   });
 }
 

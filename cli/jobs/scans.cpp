@@ -29,9 +29,8 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
 }
 
 std::filesystem::path weights_file(const db::Product& weights) {
-  return reading_json("weights " + std::to_string(weights.id), [&] {
-    return nlohmann::json::parse(weights.parameters).value("file", std::string());
-  });
+  return reading_json("weights " + std::to_string(weights.id),
+                      [&] { return nlohmann::json::parse(weights.parameters).value("file", std::string()); });
 }
 
 std::optional<std::filesystem::path> file_or_shipped_model(const std::string& file_or_name) {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstdint>
 
-#include "cli/options.h"
 #include "cli/jobs/stored_json.h"
+#include "cli/options.h"
 #include "core/error.h"
 #include "core/version.h"
 #include "db/content_hash.h"

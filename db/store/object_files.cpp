@@ -42,7 +42,8 @@ void ObjectFiles::place(const ContentHash& hash, const Write& write) const {
   try {
     // Links that came with a stranger's store would be written through.
     if (fs::is_symlink(target.parent_path())) {
-      throw core::StoreError(target.parent_path().string() + ": is a symbolic link; objects lie in the store's own folders");
+      throw core::StoreError(target.parent_path().string() +
+                             ": is a symbolic link; objects lie in the store's own folders");
     }
     if (fs::is_symlink(target)) fs::remove(target);
     fs::create_directories(target.parent_path());
