@@ -70,6 +70,11 @@ core::ImageSize Store::Impl::size_of(const ContentHash& hash) const {
   const bool possible = size.height > 0 && size.width > 0 && size.height <= kLongestSide &&
                         size.width <= kLongestSide && size.channels > 0 && size.channels <= 4;
   if (!possible) throw core::StoreError(what + " is none that an image can have");
+  // Memory is taken for an image before it is read, so for much memory the file is asked too.
+  constexpr std::size_t kBelieved = std::size_t(1) << 26;  // values
+  if (size.value_count() > kBelieved && objects.read_size(hash) != size) {
+    throw core::StoreError(what + " is not that of its file");
+  }
   return size;
 }
 

@@ -171,7 +171,7 @@ double now() {
   const rlimit memory{kMostMemory, kMostMemory}, core{0, 0};
   setrlimit(RLIMIT_AS, &memory);
   setrlimit(RLIMIT_CORE, &core);
-  constexpr unsigned kLongestRun = 10;  // seconds
+  constexpr unsigned kLongestRun = 20;  // seconds
   for (std::size_t i = first; i < last && (end == 0 || i < inputs.seeds() || now() < end); ++i) {
     const Input input = inputs.at(i);
     shared().size = std::min(input.size(), sizeof shared().input);
