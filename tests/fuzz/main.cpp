@@ -163,22 +163,30 @@ double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
+// The input that runs or ran last, as a file.
+fs::path keep(const Options& options, const fuzz::Target& target, const std::string& name) {
+  return fuzz::write(options.crashes / target.name / name, fuzz::Bytes(shared().input, shared().size));
+}
+
 // In the child.
-[[noreturn]] void run_from(const fuzz::Target& target, const Inputs& inputs, std::size_t first, std::size_t last,
-                           double end) {
+[[noreturn]] void run_from(const Options& options, const fuzz::Target& target, const Inputs& inputs, std::size_t first,
+                           std::size_t last, double end) {
   // A picture that claims more than it holds must not be given the machine's memory.
   constexpr rlim_t kMostMemory = rlim_t(4) << 30;
   const rlimit memory{kMostMemory, kMostMemory}, core{0, 0};
   setrlimit(RLIMIT_AS, &memory);
   setrlimit(RLIMIT_CORE, &core);
   constexpr unsigned kLongestRun = 20;  // seconds
+  constexpr double kSlow = 3;
   for (std::size_t i = first; i < last && (end == 0 || i < inputs.seeds() || now() < end); ++i) {
     const Input input = inputs.at(i);
     shared().size = std::min(input.size(), sizeof shared().input);
     std::copy_n(input.begin(), shared().size, shared().input);
     shared().runs = i + 1;
     alarm(kLongestRun);
+    const double begin = now();
     fuzz::run(target, input);
+    if (now() - begin > kSlow) keep(options, target, "slow-" + std::to_string(i + 1));
   }
   alarm(0);
   std::_Exit(0);
@@ -198,18 +206,16 @@ Result run_target(const Options& options, const fuzz::Target& target, double end
     std::cout.flush();
     const pid_t child = fork();
     fuzz::require(child >= 0, "a process can be made");
-    if (child == 0) run_from(target, inputs, result.runs, last, end);
+    if (child == 0) run_from(options, target, inputs, result.runs, last, end);
     int status = 0;
     while (waitpid(child, &status, 0) < 0 && errno == EINTR) {
     }
     result.runs = shared().runs;
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0) break;
     ++result.crashes;
-    fs::create_directories(options.crashes / target.name);
     const std::string how = WIFSIGNALED(status) ? std::string("signal ") + strsignal(WTERMSIG(status))
                                                 : "exit status " + std::to_string(WEXITSTATUS(status));
-    const fs::path file = fuzz::write(options.crashes / target.name / ("input-" + std::to_string(result.runs)),
-                                      fuzz::Bytes(shared().input, shared().size));
+    const fs::path file = keep(options, target, "input-" + std::to_string(result.runs));
     std::cerr << "crash: " << target.name << ", " << how << ": " << file.string() << "\n";
   }
   return result;

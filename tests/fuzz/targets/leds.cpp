@@ -163,8 +163,7 @@ const Registration kHost({"led_host", [](Bytes bytes) {
 
 const Registration kDmx({"dmx", [](Bytes bytes) {
                            capture::DmxReader reader;
-                           for (const std::size_t packet : {1, 2, 3, 64})
-                             capture::without_ftdi_status(bytes, packet);
+                           for (const std::size_t packet : {1, 2, 3, 64}) capture::without_ftdi_status(bytes, packet);
                            reader.feed(bytes);
                            do {
                              while (const auto message = reader.next()) {

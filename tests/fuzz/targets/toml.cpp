@@ -1,18 +1,13 @@
-// TOML files: stages with their hardware, sequences, rigs of light, colour matrices, boards and balls.
+// TOML files: stages with their hardware, sequences, rigs of light, and colour matrices.
 #include "capture/sequence.h"
 #include "capture/stage.h"
-#include "cli/jobs/ball_pictures.h"
-#include "cli/jobs/board_file.h"
 #include "cli/report/colour_file.h"
-#include "core/image_file.h"
 #include "fuzz/target.h"
 #include "relight/light_rig.h"
 
 namespace lightstage::fuzz {
 
 namespace {
-
-namespace fs = std::filesystem;
 
 const Registration kStage({"stage", [](Bytes bytes) {
                              const capture::Stage stage = capture::parse_stage(text_of(bytes), "stage.toml");
@@ -41,21 +36,6 @@ const Registration kColour({"colour", [](Bytes bytes) {
                               const auto fit = cli::read_colour(write(scratch() / "colour.toml", bytes));
                               cli::whole_matrix(fit, false);
                             }});
-
-const Registration kBoard({"board", [](Bytes bytes) { cli::read_board(write(scratch() / "board.toml", bytes)); }});
-
-const Registration kBalls({"balls", [](Bytes bytes) {
-                             const fs::path folder = scratch() / "balls";
-                             static const bool made = [&] {
-                               fs::create_directories(folder / "sub");
-                               for (const char* name : {"1.png", "2.png", "sub/1.png", "sub/2.png"}) {
-                                 core::write_image(folder / name, core::Image(12, 16, 1));
-                               }
-                               return true;
-                             }();
-                             static_cast<void>(made);
-                             cli::find_balls(folder, write(scratch() / "balls.toml", bytes), false);
-                           }});
 
 }  // namespace
 
