@@ -19,6 +19,10 @@ bool stays_inside(const fs::path& folder, const fs::path& path) {
   std::error_code error;
   const fs::path root = fs::canonical(folder.empty() ? fs::path(".") : folder, error);
   if (error) return true;  // there is no folder, so nothing to be led out to
+  // A link to nothing leads nowhere that could be known.
+  for (fs::path part = path; part.has_relative_path() && part != folder; part = part.parent_path()) {
+    if (fs::is_symlink(part, error) && !fs::exists(part, error)) return false;
+  }
   const fs::path target = fs::weakly_canonical(path, error);
   if (error) return false;
   return std::mismatch(root.begin(), root.end(), target.begin(), target.end()).first == root.end();
