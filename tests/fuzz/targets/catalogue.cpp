@@ -148,7 +148,7 @@ const Registration kCatalogue({"catalogue",
                                  put_catalogue(catalogue);
                                  use_store();
                                },
-                               4096});
+                               4096, 20});
 
 struct Column {
   const char* table;
@@ -253,7 +253,7 @@ const Registration kRows({"rows",
                             }
                             use_store();
                           },
-                          4096});
+                          4096, 20});
 
 }  // namespace
 
