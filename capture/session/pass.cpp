@@ -17,14 +17,14 @@ std::string describe(const db::Step& step) {
 }
 
 Pass::Pass(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options,
-           Stored stored, FrameKeeper::Store store)
+           Stored stored, FrameKeeper::Target target)
     : sequence_(sequence),
       rig_(rig),
       options_(options),
       stored_(std::move(stored)),
       begin_(rig.clock.now()),
       progress_("capture " + name, sequence.steps.size() * rig.cameras.size() - stored_.size()),
-      keeper_(std::move(store)) {
+      keeper_(std::move(target)) {
   for (Camera* camera : rig.cameras) feeds_.emplace_back(*camera);
   report_.steps = sequence.steps.size();
   report_.already_stored = stored_.size();

@@ -19,9 +19,9 @@ class Pass {
  public:
   using Stored = std::set<std::pair<int, std::string>>;  // step index and camera
 
-  // Frames go to `store` on another thread. All references must outlive the pass.
+  // Frames go to `target` on other threads. All references must outlive the pass.
   Pass(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options, Stored stored,
-       FrameKeeper::Store store);
+       FrameKeeper::Target target);
 
   const Sequence& sequence() const { return sequence_; }
   const Rig& rig() const { return rig_; }
