@@ -8,7 +8,7 @@
 
 namespace lightstage::core {
 
-// A file that is written, under a passing name beside its target, and on its way to the disk. Unless it is kept, it goes with this object.
+// A file that is written (large ones past the system's cache, where that can be), under a passing name beside its target, and on its way to the disk. Unless it is kept, it goes with this object.
 class UnsyncedFile {
  public:
   // Throws BadInput as write_file_atomically.

@@ -1,5 +1,7 @@
 #include "capture/session/camera_feed.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 
 namespace lightstage::capture {
@@ -33,6 +35,7 @@ std::optional<CameraFrame> CameraFeed::next(core::Nanoseconds deadline) {
 }
 
 bool CameraFeed::note(const CameraFrame& frame) {
+  picture_bytes_ = std::max(picture_bytes_, frame.image.values().size_bytes());
   if (last_sequence_number_ && frame.sequence_number <= *last_sequence_number_) return false;
   // A damaged frame's number may be damaged too: one that is far too high would turn away every frame after
   // it.

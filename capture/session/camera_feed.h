@@ -32,6 +32,8 @@ class CameraFeed {
   // The highest sequence number seen of frames that were not damaged.
   std::optional<std::int64_t> last_number() const { return last_sequence_number_; }
   core::Nanoseconds frame_period() const { return camera_->frame_period(); }
+  // Of the largest picture seen; 0 before the first.
+  std::size_t picture_bytes() const { return picture_bytes_; }
 
   struct Result {
     std::optional<CameraFrame> frame;
@@ -52,6 +54,7 @@ class CameraFeed {
   std::optional<core::Nanoseconds> exposure_;
   std::optional<Exposing> exposing_;
   std::optional<std::int64_t> last_sequence_number_;
+  std::size_t picture_bytes_ = 0;
 };
 
 }  // namespace lightstage::capture

@@ -14,7 +14,7 @@ constexpr int kMostWriters = 8;
 }  // namespace
 
 FrameKeeper::FrameKeeper(Target target) : target_(std::move(target)) {
-  const int writers = std::min(core::thread_count(), kMostWriters);
+  const int writers = std::min(2 * core::thread_count(), kMostWriters);
   for (int i = 0; i < writers; ++i) threads_.emplace_back([this] { write_frames(); });
   threads_.emplace_back([this] { store_frames(); });
 }

@@ -34,7 +34,7 @@ class FrameKeeper {
     std::function<void(std::vector<KeptFrame>&)> store;  // on one thread, for frames that are written
   };
 
-  // Writes on core::thread_count() threads, at most 8.
+  // Writes on twice core::thread_count() threads, since they wait for the disk half of the time; at most 8.
   explicit FrameKeeper(Target target);
   // Waits until all is stored; errors are lost (call finish() first).
   ~FrameKeeper();

@@ -1,5 +1,6 @@
 #include "capture/session/pass.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "core/error.h"
@@ -9,6 +10,7 @@ namespace lightstage::capture {
 
 namespace {
 constexpr core::Nanoseconds kPoll = core::kMillisecond / 2;  // between looks for frames
+constexpr std::size_t kMostBytesTogether = std::size_t{1} << 30;
 }  // namespace
 
 std::string describe(const db::Step& step) {
@@ -99,6 +101,16 @@ void Pass::keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame)
   ++report_.stored;
   if (attempt > 1) ++report_.retaken;
   show_progress(step);
+}
+
+std::size_t Pass::step_bytes() const {
+  std::size_t bytes = 0;
+  for (const CameraFeed& feed : feeds_) bytes += feed.picture_bytes();
+  return bytes;
+}
+
+std::size_t Pass::steps_together(std::size_t most) const {
+  return std::clamp<std::size_t>(kMostBytesTogether / std::max<std::size_t>(1, step_bytes()), 1, most);
 }
 
 void Pass::check_lights() {

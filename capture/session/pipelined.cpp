@@ -64,8 +64,9 @@ class PipelinedPass {
 
   // Steps from this one on that follow each other with one exposure.
   std::span<const db::Step* const> run_from(std::size_t first) const {
+    const std::size_t longest = pass_.steps_together(kLongestRun);
     std::size_t end = first;
-    while (end < steps_.size() && end - first < kLongestRun && steps_[end]->exposure_ns == steps_[first]->exposure_ns) {
+    while (end < steps_.size() && end - first < longest && steps_[end]->exposure_ns == steps_[first]->exposure_ns) {
       ++end;
     }
     return std::span(steps_).subspan(first, end - first);

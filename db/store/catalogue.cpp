@@ -12,16 +12,16 @@
 
 #include "core/file.h"
 #include "core/file_lock.h"
+#include "db/store/lock_holders.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
+#include "db/store/write_ahead_log.h"
 
 namespace lightstage::db {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr int kBusyTimeoutMs = 20'000;
 
 struct Identity {
   int application_id = 0;
@@ -105,6 +105,7 @@ void configure(SQLite::Database& database, const fs::path& store_folder) {
     throw core::StoreError(store_folder.string() +
                            ": the file system cannot hold a write-ahead log; keep the store on a local disk");
   }
+  bound_log(database);
 }
 
 }  // namespace
@@ -167,9 +168,12 @@ core::StoreError explained(const SQLite::Exception& error, const fs::path& store
   std::string text = store_folder.string() + ": ";
   switch (error.getErrorCode()) {
     case SQLITE_BUSY:
-    case SQLITE_LOCKED:
-      text += "another program has been writing to this store for too long; try again when it is done";
+    case SQLITE_LOCKED: {
+      const std::string holders = lock_holders(store_folder);
+      text += (holders.empty() ? "another program" : holders) +
+              " has been writing to this store for too long; try again when it is done";
       break;
+    }
     case SQLITE_FULL:
       text += "the disk is full; nothing of this step was stored";
       break;
