@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 
 #include "core/error.h"
@@ -12,6 +13,7 @@
 #include "db/check/thumbnail.h"
 #include "db/store/impl.h"
 #include "db/store/migrations.h"
+#include "db/store/page_checks.h"
 #include "db/store/scan_contents.h"
 #include "db/store/verify_state.h"
 
@@ -38,10 +40,12 @@ class Verification {
     });
     for (const Id id : ids) {
       if (state_.scans_done.contains(id)) continue;
-      explaining_errors([&] {
-        const std::optional<Scan> scan = scan_if_there(id);
-        if (scan) check_scan(*scan);
-      });
+      explaining_errors(
+          [&] {
+            const std::optional<Scan> scan = scan_if_there(id);
+            if (scan) check_scan(*scan);
+          },
+          "scan number " + std::to_string(id) + ": ");
       state_.scans_done.insert(id);
       write_verify_state(store_.folder(), state_);
     }
@@ -59,7 +63,7 @@ class Verification {
       objects += objects_of_scan(database_, scans.back().id).size();
     }
     expect(objects);
-    for (const Scan& scan : scans) explaining_errors([&] { check_scan(scan); });
+    for (const Scan& scan : scans) explaining_errors([&] { check_scan(scan); }, "scan '" + scan.name + "': ");
     report_.objects = checked_.size();
     return std::move(report_);
   }
@@ -67,11 +71,11 @@ class Verification {
  private:
   // What the catalogue or the disk has against the check becomes a finding of it.
   template <class Work>
-  void explaining_errors(const Work& work) {
+  void explaining_errors(const Work& work, const std::string& place = {}) {
     try {
       explaining(store_.folder(), work);
     } catch (const core::StoreError& error) {
-      report_.errors.push_back(error.what());
+      report_.errors.push_back(place + error.what());
     }
   }
 
@@ -100,6 +104,12 @@ class Verification {
   }
 
   void check_catalogue() {
+    const std::vector<std::size_t> damaged = damaged_pages(catalogue_path(store_.folder()));
+    for (const std::size_t page : damaged) {
+      report_.errors.push_back("catalogue: page " + std::to_string(page) +
+                               " does not match its checksum: damaged, or written by a program that is not lightstage");
+    }
+    if (!damaged.empty()) sound_pages_ = open_sound_pages(catalogue_path(store_.folder()));
     SQLite::Statement check(database_, "PRAGMA integrity_check");
     while (check.executeStep()) {
       const std::string text = check.getColumn(0).getString();
@@ -111,9 +121,7 @@ class Verification {
                                dangling.getColumn(1).getString() + ") refers to nothing in table " +
                                dangling.getColumn(2).getString());
     }
-    SQLite::Database sound(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    migrate(sound);
-    if (schema_of(database_) != schema_of(sound)) {
+    if (schema_of(database_) != current_schema()) {
       report_.errors.push_back("catalogue: its tables are not those of schema version " +
                                std::to_string(schema_version()));
     }
@@ -125,6 +133,7 @@ class Verification {
     {
       // One view of the scan, whatever others write meanwhile.
       SQLite::Transaction snapshot(database_);
+      name_rows_on_damaged_pages(scan);
       check_steps(scan);
       objects = objects_of_scan(database_, scan.id);
       lit = lit_frames(store_, scan);
@@ -138,6 +147,30 @@ class Verification {
     check_objects(objects, thumbnails);
     for (const LitFrames& frames : lit) {
       for (std::string& error : misplaced_frames(frames, thumbnails)) report_.errors.push_back(std::move(error));
+    }
+  }
+
+  void name_rows_on_damaged_pages(const Scan& scan) {
+    if (!sound_pages_) return;
+    const auto readable = [&](const char* sql, const auto&... values) {
+      try {
+        SQLite::Statement row(*sound_pages_, sql);
+        bind_all(row, values...);
+        while (row.executeStep()) continue;
+        return true;
+      } catch (const SQLite::Exception&) {
+        return false;
+      }
+    };
+    if (readable("SELECT * FROM frames WHERE scan_id = ?", scan.id)) return;
+    for (const Step& step : scan.steps) {
+      for (const std::string& camera : scan.cameras) {
+        if (readable("SELECT * FROM frames WHERE scan_id = ? AND step_index = ? AND camera = ?", scan.id,
+                     step.step_index, camera))
+          continue;
+        report_.errors.push_back("scan '" + scan.name + "', step " + std::to_string(step.step_index) + ", camera '" +
+                                 camera + "': its row is on a page of the catalogue that does not match its checksum");
+      }
     }
   }
 
@@ -225,6 +258,7 @@ class Verification {
   const Store& store_;
   SQLite::Database& database_;
   const ObjectFiles& files_;
+  std::optional<SQLite::Database> sound_pages_;  // of a catalogue that has others too
   std::unique_ptr<core::Progress> progress_;
   VerifyState state_;
   VerifyReport& report_ = state_.report;
