@@ -12,6 +12,7 @@
 #include "core/file.h"
 #include "core/file_lock.h"
 #include "core/scratch_folder.h"
+#include "db/store/bare_file.h"
 #include "db/store/lock_holders.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
@@ -44,10 +45,9 @@ std::optional<Identity> identity_with_log(const fs::path& database) {
   const fs::path copy = scratch.path() / "look.sqlite";
   {
     constexpr std::size_t kLargestPage = 65536;
-    std::array<char, kLargestPage> page{};
-    std::ifstream source(database, std::ios::binary);
-    source.read(page.data(), page.size());
-    std::ofstream(copy, std::ios::binary).write(page.data(), source.gcount());
+    std::array<unsigned char, kLargestPage> page{};
+    const std::size_t size = BareFile(database).read(0, page);
+    std::ofstream(copy, std::ios::binary).write(reinterpret_cast<const char*>(page.data()), std::streamsize(size));
   }
   fs::copy_file(log, copy.string() + "-wal", error);
   // Whoever used the store has closed it just now, which leaves everything in the database itself.
@@ -62,15 +62,12 @@ std::optional<Identity> identity_with_log(const fs::path& database) {
 std::optional<Identity> look_at(const fs::path& database) {
   // https://www.sqlite.org/fileformat.html, section 1.3: magic at 0, user version at 60, application id at 68.
   constexpr std::size_t kHeaderSize = 100;
-  std::array<char, kHeaderSize> header{};
-  std::ifstream file(database, std::ios::binary);
-  file.read(header.data(), header.size());
-  if (file.gcount() != std::streamsize(kHeaderSize) || std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
+  std::array<unsigned char, kHeaderSize> header{};
+  if (BareFile(database).read(0, header) != kHeaderSize || std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
     return std::nullopt;
   }
   if (const auto identity = identity_with_log(database)) return identity;
-  const auto* bytes = reinterpret_cast<const unsigned char*>(header.data());
-  return Identity{big_endian(bytes + 68), big_endian(bytes + 60)};
+  return Identity{big_endian(header.data() + 68), big_endian(header.data() + 60)};
 }
 
 void refuse_newer(const fs::path& store_folder, int version) {

@@ -1,5 +1,6 @@
 // Several at work on one store: the write-ahead log stays short, and who waits is told for whom.
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <fcntl.h>
 #include <sqlite3.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -13,6 +14,7 @@
 #include "db/store.h"
 #include "db/store/catalogue.h"
 #include "db/store/lock_holders.h"
+#include "db/store/page_checks.h"
 #include "db/store/write_ahead_log.h"
 #include "support/support.h"
 
@@ -143,6 +145,34 @@ TEST_CASE("whoever waits for too long is told for which program") {
   REQUIRE(waitpid(child, &status, 0) == child);
   CHECK(status == 0);
   for (const int end : {ready[0], ready[1], go[0], go[1]}) close(end);
+}
+
+TEST_CASE("looking at the catalogue's file gives back none of the locks by which others see that it is in use") {
+  Fixture fixture;
+  // Of another process, since a process's own locks never stand in its way: whether the database file is held by somebody
+  // (https://www.sqlite.org/src/file/src/os.h: the bytes that readers lock).
+  const auto held = [&] {
+    const pid_t child = fork();
+    if (child == 0) {
+      const int file = open((fixture.path / "store.sqlite").c_str(), O_RDWR);
+      struct flock lock {};
+      lock.l_type = F_WRLCK;
+      lock.l_whence = SEEK_SET;
+      lock.l_start = 0x40000002;
+      lock.l_len = 510;
+      _exit(file >= 0 && fcntl(file, F_GETLK, &lock) == 0 && lock.l_type != F_UNLCK ? 7 : 0);
+    }
+    int status = 0;
+    waitpid(child, &status, 0);
+    return WEXITSTATUS(status) == 7;
+  };
+  CHECK(held());
+  CHECK(db::damaged_pages(fixture.path / "store.sqlite").empty());
+  CHECK(held());
+  { const db::Store other = db::Store::open(fixture.path); }
+  CHECK(held());
+  CHECK(fixture.store.verify().errors.empty());
+  CHECK(held());
 }
 
 TEST_CASE("a large catalogue has what was entered, and its real scan is whole") {
