@@ -7,10 +7,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "core/sphere.h"
+#include "db/object_room.h"
+#include "db/scan_lock.h"
 
 namespace lightstage::cli {
 
@@ -88,7 +91,11 @@ SuperresReport superres(db::Store& store, const db::LoadedScan& source, const db
                         const std::vector<core::Direction>& directions, const std::string& out) {
   const db::Scan scan = begin_virtual_scan(store, source, source_scan, parameters, directions, out);
   std::set<int> stored;
+  std::optional<db::ScanLock> alone;
+  if (store.frames(scan.id).size() < directions.size()) alone.emplace(store.folder(), out, "is being rendered");
   for (const db::Frame& frame : store.frames(scan.id)) stored.insert(frame.step_index);
+  core::require_room(store.folder(), db::most_bytes(source.scan.image_size(), directions.size() - stored.size()),
+                     "super-resolving '" + out + "'");
   SuperresReport report{.lights = directions.size(), .already_stored = stored.size()};
 
   std::optional<core::Progress> progress;

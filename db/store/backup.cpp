@@ -6,6 +6,7 @@
 #include <mutex>
 #include <set>
 
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/interrupt.h"
@@ -19,6 +20,8 @@ namespace lightstage::db {
 namespace fs = std::filesystem;
 
 namespace {
+
+constexpr std::uintmax_t kFileOverhead = 4096;  // of the file system: files take whole blocks
 
 std::string store_id(SQLite::Database& database) {
   return database.execAndGet("SELECT store_id FROM identity").getString();
@@ -41,6 +44,7 @@ class Snapshot {
   Snapshot(const Snapshot&) = delete;
   Snapshot& operator=(const Snapshot&) = delete;
 
+  const fs::path& path() const { return path_; }
   SQLite::Database open() const { return SQLite::Database(path_.string(), SQLite::OPEN_READWRITE); }
 
  private:
@@ -84,6 +88,19 @@ void copy_models(const fs::path& from, const fs::path& to, BackupReport& report)
   }
 }
 
+// Throws StoreError where the backup's disk has no room for what is to be copied: objects that it lacks, and twice the catalogue (beside the one that it replaces).
+void require_room_for(const std::vector<OwnedObject>& objects, const ObjectFiles& from, const ObjectFiles& to,
+                      std::uintmax_t catalogue) {
+  std::uintmax_t bytes = 2 * catalogue;
+  for (const OwnedObject& object : objects) {
+    std::error_code none;
+    if (fs::exists(to.path(object.hash), none)) continue;
+    const std::uintmax_t size = fs::file_size(from.path(object.hash), none);
+    if (!none) bytes += size + kFileOverhead;
+  }
+  core::require_room(to.folder(), bytes, "the backup");
+}
+
 }  // namespace
 
 BackupReport Store::back_up(const fs::path& folder) const {
@@ -106,6 +123,7 @@ BackupReport Store::back_up(const fs::path& folder) const {
     const std::vector<OwnedObject> objects = all_objects(catalogue);
     report.objects = objects.size();
     const ObjectFiles files(folder);
+    require_room_for(objects, impl_->objects, files, fs::file_size(snapshot.path()));
     std::vector<std::string> problems(objects.size());
     std::atomic<std::size_t> copied = 0;
     std::atomic<std::uint64_t> bytes = 0;

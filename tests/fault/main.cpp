@@ -1,5 +1,6 @@
 // Breaks the program on purpose, at many points, and looks what is left: `./run fault`.
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -98,7 +99,7 @@ class Harness {
           results.push_back(disturbed(base, "kill " + std::to_string(1 + below(calls))));
           break;
         case 2: {
-          const int error = below(2) == 0 ? EIO : ENOSPC;
+          const int error = std::array{EIO, ENOSPC, EDQUOT, EROFS}.at(std::size_t(below(4)));
           results.push_back(disturbed(base, "fail " + std::to_string(1 + below(calls)) + " " + std::to_string(error)));
           break;
         }
