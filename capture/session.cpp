@@ -10,6 +10,7 @@
 #include "capture/session/pipelined.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/progress.h"
 #include "core/text.h"
 
 namespace lightstage::capture {
@@ -84,14 +85,34 @@ void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options) {
   check(scan, sequence, rig, options);
-  Pass::Stored stored;
-  for (const db::Frame& frame : store.frames(scan.id)) stored.emplace(frame.step_index, frame.camera);
-  return take_all(scan.name, sequence, rig, options, std::move(stored), [&](const KeptFrame& kept) {
-    store.put_frame({scan.id, kept.camera, kept.step->step_index, kept.frame.timestamp, kept.frame.sequence_number,
-                     kept.attempt, kept.frame.saturation},
-                    kept.frame.image);
+  const auto stored_frames = [&] {
+    Pass::Stored stored;
+    for (const db::Frame& frame : store.frames(scan.id)) stored.emplace(frame.step_index, frame.camera);
+    return stored;
+  };
+  const auto keep = [&](const KeptFrame& kept) {
+    try {
+      store.put_frame({scan.id, kept.camera, kept.step->step_index, kept.frame.timestamp, kept.frame.sequence_number,
+                       kept.attempt, kept.frame.saturation},
+                      kept.frame.image);
+    } catch (const core::BadInput& no_picture) {
+      throw core::BadInput("camera '" + kept.camera + "', " + describe(*kept.step) + ": " + no_picture.what());
+    }
     if (options.on_frame) options.on_frame(*kept.step, kept.camera, kept.frame);
-  });
+  };
+  const std::size_t before = stored_frames().size();
+  for (int attempt = 1;; ++attempt) {
+    try {
+      SessionReport report = take_all(scan.name, sequence, rig, options, stored_frames(), keep);
+      report.already_stored = before;
+      report.stored = stored_frames().size() - before;
+      report.retaken += std::size_t(attempt) - 1;
+      return report;
+    } catch (const core::BadInput& refused) {
+      if (attempt >= options.attempts) throw core::DeviceError(refused.what());
+      core::warn(std::string(refused.what()) + "; it is taken again");
+    }
+  }
 }
 
 SessionReport dry_run(const Sequence& sequence, const Rig& rig, const SessionOptions& options) {
