@@ -41,7 +41,7 @@ void verify(const db::VerifyOptions& options, Context& context) {
                         {"notes", report.notes}});
   if (!report.errors.empty()) {
     throw core::StoreError(store.folder().string() + ": " + std::to_string(report.errors.size()) +
-                           " errors found; `lightstage store repair` mends objects of which there is a sound copy");
+                           " errors found; `lightstage store repair` mends what there is a sound copy of");
   }
 }
 
@@ -63,14 +63,28 @@ void report_copy(const std::string& verb, const db::BackupReport& report, const 
 }
 
 void repair(const std::vector<std::filesystem::path>& backups, Context& context) {
+  const db::CatalogueRepair catalogue = db::Store::repair_catalogue(context.store_folder, backups);
   db::Store store = context.open_store();
   const db::RepairReport report = store.repair(backups);
-  std::string text = report.mended.empty() && report.lost.empty()
-                         ? "nothing to repair\n"
-                         : std::to_string(report.mended.size()) + " mended, " + std::to_string(report.lost.size()) +
-                               " without a sound copy\n";
+  std::string text;
+  if (!catalogue.damaged_copy.empty()) {
+    text +=
+        "the catalogue was damaged and was made anew: " + std::to_string(catalogue.rows_read) + " rows read from it, " +
+        std::to_string(catalogue.rows_from_backups) + " from backups, " + std::to_string(catalogue.rows_dropped) +
+        " dropped that referred to lost ones\n  the damaged one is kept as " + catalogue.damaged_copy.string() + "\n";
+  }
+  text += report.mended.empty() && report.lost.empty()
+              ? "nothing to repair\n"
+              : std::to_string(report.mended.size()) + " mended, " + std::to_string(report.lost.size()) +
+                    " without a sound copy\n";
   text += lines(report.mended, "mended: ") + lines(report.lost, "no copy: ");
-  context.result(text, {{"mended", report.mended}, {"lost", report.lost}});
+  context.result(text, {{"catalogue",
+                         {{"damaged_copy", catalogue.damaged_copy.string()},
+                          {"rows_read", catalogue.rows_read},
+                          {"rows_from_backups", catalogue.rows_from_backups},
+                          {"rows_dropped", catalogue.rows_dropped}}},
+                        {"mended", report.mended},
+                        {"lost", report.lost}});
   if (!report.lost.empty()) {
     throw core::StoreError(store.folder().string() + ": " + std::to_string(report.lost.size()) +
                            " objects have no sound copy; name backups with --from, or take frames again "
@@ -139,7 +153,8 @@ void add_restore(CLI::App& store, Context& context) {
 }
 
 void add_repair(CLI::App& store, Context& context) {
-  CLI::App* command = store.add_subcommand("repair", "Mend damaged and missing objects by sound copies");
+  CLI::App* command =
+      store.add_subcommand("repair", "Mend a damaged catalogue, and damaged and missing objects by sound copies");
   command->fallthrough();
   command->footer("Example:\n  lightstage store repair --from /mnt/disk/head-store");
   auto backups = std::make_shared<std::vector<std::filesystem::path>>();

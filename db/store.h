@@ -146,6 +146,13 @@ struct RepairReport {
   std::vector<std::string> lost;    // of which no sound copy was found; left as they are
 };
 
+struct CatalogueRepair {
+  std::filesystem::path damaged_copy;  // where the damaged catalogue is now; empty: it was sound, and nothing was done
+  std::size_t rows_read = 0;           // of the damaged catalogue, which count before those of backups
+  std::size_t rows_from_backups = 0;
+  std::size_t rows_dropped = 0;  // that referred to rows which could be read nowhere
+};
+
 // A scan's row and how much belongs to it.
 struct ScanSummary {
   std::string name;
@@ -262,6 +269,11 @@ class Store {
   // referred to by a program at work. With `only_look` nothing is removed. Others may write meanwhile, and wait for a moment now and then.
   GarbageReport collect_garbage(std::chrono::seconds age, bool only_look = false);
 
+  // Makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (the newest last) have.
+  // The damaged one is kept beside it. Does nothing to a sound one. Throws StoreError when nothing can be read or another program has the
+  // store open, UsageError for a backup of another store.
+  static CatalogueRepair repair_catalogue(const std::filesystem::path& folder,
+                                          const std::vector<std::filesystem::path>& backups);
   // Mends damaged and missing objects by sound copies: from backups (stores), and from what interrupted writes left. An object is replaced only by
   // bytes that match its name; nothing is removed. Reads every object that is referred to.
   RepairReport repair(const std::vector<std::filesystem::path>& backups);

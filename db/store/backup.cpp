@@ -13,6 +13,7 @@
 #include "core/parallel.h"
 #include "core/progress.h"
 #include "db/store/impl.h"
+#include "db/store/page_checks.h"
 #include "db/store/scan_contents.h"
 
 namespace lightstage::db {
@@ -37,7 +38,7 @@ class Snapshot {
  public:
   Snapshot(SQLite::Database& source, const fs::path& folder) : path_(folder / "incoming.sqlite") {
     remove();
-    SQLite::Database copy(path_.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    SQLite::Database copy = open_checked(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
     SQLite::Backup(copy, source).executeStep();
   }
   ~Snapshot() { remove(); }
@@ -45,7 +46,7 @@ class Snapshot {
   Snapshot& operator=(const Snapshot&) = delete;
 
   const fs::path& path() const { return path_; }
-  SQLite::Database open() const { return SQLite::Database(path_.string(), SQLite::OPEN_READWRITE); }
+  SQLite::Database open() const { return open_checked(path_, SQLite::OPEN_READWRITE); }
 
  private:
   void remove() const {
@@ -107,6 +108,10 @@ BackupReport Store::back_up(const fs::path& folder) const {
   if (same_place(folder, this->folder())) {
     throw core::UsageError(folder.string() + ": this is the store itself; a backup goes to another folder");
   }
+  if (const auto damaged = damaged_pages(catalogue_path(this->folder())); !damaged.empty()) {
+    throw core::StoreError(this->folder().string() + ": the catalogue is damaged (page " + std::to_string(damaged[0]) +
+                           "); nothing was copied. Mend it first with `lightstage store repair`");
+  }
   BackupReport report;
   explaining(folder, [&] {
     core::make_folder(folder / "objects");
@@ -150,7 +155,7 @@ BackupReport Store::back_up(const fs::path& folder) const {
     report.copied_bytes = bytes;
     copy_models(this->folder(), folder, report);
     // One transaction of the target: whole or not at all.
-    SQLite::Database target(catalogue_path(folder).string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    SQLite::Database target = open_checked(catalogue_path(folder), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
     target.exec("PRAGMA synchronous = FULL");
     SQLite::Backup(target, catalogue).executeStep();
   });

@@ -8,12 +8,13 @@
 #include <string>
 
 #include <sqlite3.h>
-#include <stdlib.h>
 
 #include "core/file.h"
 #include "core/file_lock.h"
+#include "core/scratch_folder.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
+#include "db/store/page_checks.h"
 
 namespace lightstage::db {
 
@@ -28,23 +29,6 @@ struct Identity {
   int version = 0;
 };
 
-struct ScratchFolder {
-  fs::path path;
-  explicit ScratchFolder(const fs::path& parent) {
-    std::string pattern = (parent / ".lightstage-XXXXXX").string();
-    if (::mkdtemp(pattern.data()) == nullptr) {
-      throw core::StoreError(pattern + ": cannot make a temporary folder: " + std::strerror(errno));
-    }
-    path = pattern;
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    fs::remove_all(path, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-};
-
 int big_endian(const unsigned char* bytes) {
   return int(std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 | bytes[3]);
 }
@@ -56,8 +40,8 @@ std::optional<Identity> identity_with_log(const fs::path& database) {
   const fs::path log = database.string() + "-wal";
   std::error_code error;
   if (!fs::exists(log, error) || fs::file_size(log, error) == 0 || error) return std::nullopt;
-  const ScratchFolder scratch(core::temporary_folder());
-  const fs::path copy = scratch.path / "look.sqlite";
+  const core::ScratchFolder scratch(core::temporary_folder());
+  const fs::path copy = scratch.path() / "look.sqlite";
   {
     constexpr std::size_t kLargestPage = 65536;
     std::array<char, kLargestPage> page{};
@@ -124,16 +108,16 @@ SQLite::Database create_catalogue(const fs::path& store_folder) {
     }
     {
       // Made elsewhere and moved in whole, so that a crash leaves a store or none.
-      const ScratchFolder scratch(store_folder);
-      const fs::path made = scratch.path / path.filename();
+      const core::ScratchFolder scratch(store_folder);
+      const fs::path made = scratch.path() / path.filename();
       {
-        SQLite::Database database(made.string(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+        SQLite::Database database = open_checked(made, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
         migrate(database);
         configure(database, store_folder);
       }
       core::move_file_durably(made, path);
     }
-    SQLite::Database database(path.string(), SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
     configure(database, store_folder);
     return database;
   });
@@ -153,14 +137,22 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
       throw core::StoreError(path.string() + ": this file is not a Lightstage store");
     }
     refuse_newer(store_folder, identity->version);
-    SQLite::Database database(path.string(), SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
     // Once more: another program may have migrated it since the look.
     const int version = database.execAndGet("PRAGMA user_version").getInt();
     refuse_newer(store_folder, version);
     configure(database, store_folder);
-    if (version < schema_version()) migrate(database);
+    if (version < schema_version()) {
+      if (!has_page_checks(database)) add_page_checks(database);
+      migrate(database);
+    }
     return database;
   });
+}
+
+void throw_if_newer(const fs::path& store_folder) {
+  const std::optional<Identity> identity = look_at(catalogue_path(store_folder));
+  if (identity && identity->application_id == kApplicationId) refuse_newer(store_folder, identity->version);
 }
 
 core::StoreError explained(const SQLite::Exception& error, const fs::path& store_folder) {
@@ -182,6 +174,14 @@ core::StoreError explained(const SQLite::Exception& error, const fs::path& store
     case SQLITE_NOTADB:
       text += "the catalogue store.sqlite is damaged; `lightstage store verify` says more";
       break;
+    case SQLITE_IOERR:
+      if (error.getExtendedErrorCode() == SQLITE_IOERR_DATA) {
+        text +=
+            "the catalogue store.sqlite is damaged: a page does not match its checksum; `lightstage store verify` says "
+            "more";
+        break;
+      }
+      [[fallthrough]];
     default:
       text += "database error";
   }

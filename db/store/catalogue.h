@@ -18,6 +18,12 @@ SQLite::Database create_catalogue(const std::filesystem::path& store_folder);
 // newer one is not touched: no byte of it, of its journal or of its folder changes.
 SQLite::Database open_catalogue(const std::filesystem::path& store_folder);
 
+// Throws StoreError when the file is a catalogue of a newer schema; says nothing of any other.
+void throw_if_newer(const std::filesystem::path& store_folder);
+
+// store.sqlite.damaged-1 and so on: catalogues that a repair has put aside.
+inline constexpr const char* kDamagedSuffix = ".damaged-";
+
 // What a database error means for the user, with the store's path.
 core::StoreError explained(const SQLite::Exception& error, const std::filesystem::path& store_folder);
 

@@ -19,10 +19,23 @@ std::optional<std::chrono::seconds> age_of(const fs::path& file) {
   return std::chrono::duration_cast<std::chrono::seconds>(fs::file_time_type::clock::now() - written);
 }
 
+// Objects may belong to rows that only a catalogue that was put aside still has.
+void refuse_with_damaged_catalogue(const fs::path& folder) {
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().filename().string().starts_with(catalogue_path({}).string() + kDamagedSuffix)) {
+      throw core::StoreError(
+          entry.path().string() +
+          ": this damaged catalogue may know more objects than the one in use; nothing is removed while it is "
+          "here. Move it away when all that you need is there again");
+    }
+  }
+}
+
 }  // namespace
 
 GarbageReport Store::collect_garbage(std::chrono::seconds age, bool only_look) {
   require_writable();
+  refuse_with_damaged_catalogue(folder());
   GarbageReport report;
   const ObjectFiles::Listing listing = impl_->objects.list();
   const auto remove = [&](const fs::path& file, std::size_t& count) {

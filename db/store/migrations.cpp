@@ -154,6 +154,12 @@ bool migrate(SQLite::Database& database) {
   return found < schema_version();
 }
 
+std::string current_schema() {
+  SQLite::Database made(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  migrate(made);
+  return schema_of(made);
+}
+
 std::string schema_of(const SQLite::Database& database) {
   std::string text;
   SQLite::Statement rows(

@@ -18,5 +18,7 @@ bool migrate(SQLite::Database& database);
 
 // The schema as text, one object after the other, as this database has it.
 std::string schema_of(const SQLite::Database& database);
+// What schema_of says of a catalogue that this program makes.
+std::string current_schema();
 
 }  // namespace lightstage::db

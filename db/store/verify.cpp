@@ -12,6 +12,7 @@
 #include "db/check/thumbnail.h"
 #include "db/store/impl.h"
 #include "db/store/migrations.h"
+#include "db/store/page_checks.h"
 #include "db/store/scan_contents.h"
 #include "db/store/verify_state.h"
 
@@ -38,10 +39,12 @@ class Verification {
     });
     for (const Id id : ids) {
       if (state_.scans_done.contains(id)) continue;
-      explaining_errors([&] {
-        const std::optional<Scan> scan = scan_if_there(id);
-        if (scan) check_scan(*scan);
-      });
+      explaining_errors(
+          [&] {
+            const std::optional<Scan> scan = scan_if_there(id);
+            if (scan) check_scan(*scan);
+          },
+          "scan number " + std::to_string(id) + ": ");
       state_.scans_done.insert(id);
       write_verify_state(store_.folder(), state_);
     }
@@ -59,7 +62,7 @@ class Verification {
       objects += objects_of_scan(database_, scans.back().id).size();
     }
     expect(objects);
-    for (const Scan& scan : scans) explaining_errors([&] { check_scan(scan); });
+    for (const Scan& scan : scans) explaining_errors([&] { check_scan(scan); }, "scan '" + scan.name + "': ");
     report_.objects = checked_.size();
     return std::move(report_);
   }
@@ -67,11 +70,11 @@ class Verification {
  private:
   // What the catalogue or the disk has against the check becomes a finding of it.
   template <class Work>
-  void explaining_errors(const Work& work) {
+  void explaining_errors(const Work& work, const std::string& place = {}) {
     try {
       explaining(store_.folder(), work);
     } catch (const core::StoreError& error) {
-      report_.errors.push_back(error.what());
+      report_.errors.push_back(place + error.what());
     }
   }
 
@@ -100,6 +103,12 @@ class Verification {
   }
 
   void check_catalogue() {
+    const std::vector<std::size_t> damaged = damaged_pages(catalogue_path(store_.folder()));
+    for (const std::size_t page : damaged) {
+      report_.errors.push_back("catalogue: page " + std::to_string(page) +
+                               " does not match its checksum: damaged, or changed by a program that is not lightstage");
+    }
+    if (!damaged.empty()) return;  // what follows would read them
     SQLite::Statement check(database_, "PRAGMA integrity_check");
     while (check.executeStep()) {
       const std::string text = check.getColumn(0).getString();
@@ -111,9 +120,7 @@ class Verification {
                                dangling.getColumn(1).getString() + ") refers to nothing in table " +
                                dangling.getColumn(2).getString());
     }
-    SQLite::Database sound(":memory:", SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    migrate(sound);
-    if (schema_of(database_) != schema_of(sound)) {
+    if (schema_of(database_) != current_schema()) {
       report_.errors.push_back("catalogue: its tables are not those of schema version " +
                                std::to_string(schema_version()));
     }
@@ -125,6 +132,7 @@ class Verification {
     {
       // One view of the scan, whatever others write meanwhile.
       SQLite::Transaction snapshot(database_);
+      if (name_unreadable_frames(scan)) return;
       check_steps(scan);
       objects = objects_of_scan(database_, scan.id);
       lit = lit_frames(store_, scan);
@@ -139,6 +147,29 @@ class Verification {
     for (const LitFrames& frames : lit) {
       for (std::string& error : misplaced_frames(frames, thumbnails)) report_.errors.push_back(std::move(error));
     }
+  }
+
+  // Where pages of the catalogue are damaged: whose rows were on them. True when there are such.
+  bool name_unreadable_frames(const Scan& scan) {
+    try {
+      store_.frames(scan.id);
+      return false;
+    } catch (const core::StoreError&) {
+    }
+    for (const Step& step : scan.steps) {
+      for (const std::string& camera : scan.cameras) {
+        try {
+          SQLite::Statement row(database_,
+                                "SELECT id, object FROM frames WHERE scan_id = ? AND step_index = ? AND camera = ?");
+          bind_all(row, scan.id, step.step_index, camera);
+          row.executeStep();
+        } catch (const SQLite::Exception&) {
+          report_.errors.push_back("scan '" + scan.name + "', step " + std::to_string(step.step_index) + ", camera '" +
+                                   camera + "': its row cannot be read: a page of the catalogue is damaged");
+        }
+      }
+    }
+    return true;
   }
 
   void check_steps(const Scan& scan) {

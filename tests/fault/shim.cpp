@@ -6,11 +6,17 @@
 //                             fail N ERRNO       the N-th call fails with that error
 //                             full N             from the N-th call on the disk is full: all that makes files grow fails with ENOSPC, a write
 //                                                after half of it
+//                             short N            the N-th write does only half, which is no error
+//                             map N              the N-th mapping of a file into memory fails
 //                             memory N           the N-th allocation by operator new after the first change fails
-//   LIGHTSTAGE_FAULT_COUNT    file that holds the number of calls when the program ends
+//                             sqlite-memory N    the N-th allocation by SQLite after the first change fails
+//   LIGHTSTAGE_FAULT_COUNT    file that holds, when the program ends, the numbers of calls, of writes among them, of mappings, and of allocations
+//                             by operator new and by SQLite
 //   LIGHTSTAGE_FAULT_RECORD   file to which every change is appended, in the order of happening (tests/fault/record.h)
 #include <dlfcn.h>
 #include <fcntl.h>
+#include <link.h>
+#include <sys/mman.h>
 #include <sys/sendfile.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
@@ -36,7 +42,7 @@ namespace {
 using lightstage::fault::RecordHeader;
 using lightstage::fault::RecordKind;
 
-enum class Mode { kCount, kKill, kFail, kFull, kMemory };
+enum class Mode { kCount, kKill, kFail, kFull, kShort, kMap, kMemory, kSqliteMemory };
 
 template <class Function>
 Function real(const char* name) {
@@ -55,7 +61,10 @@ class Fault {
     if (std::strcmp(mode, "kill") == 0) mode_ = Mode::kKill;
     if (std::strcmp(mode, "fail") == 0) mode_ = Mode::kFail;
     if (std::strcmp(mode, "full") == 0) mode_ = Mode::kFull;
+    if (std::strcmp(mode, "short") == 0) mode_ = Mode::kShort;
+    if (std::strcmp(mode, "map") == 0) mode_ = Mode::kMap;
     if (std::strcmp(mode, "memory") == 0) mode_ = Mode::kMemory;
+    if (std::strcmp(mode, "sqlite-memory") == 0) mode_ = Mode::kSqliteMemory;
     if (const char* file = std::getenv("LIGHTSTAGE_FAULT_RECORD")) {
       record_ = int(syscall(SYS_openat, AT_FDCWD, file, O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0666));
     }
@@ -65,8 +74,9 @@ class Fault {
     const char* file = std::getenv("LIGHTSTAGE_FAULT_COUNT");
     if (!active_ || file == nullptr) return;
     active_ = false;
-    char text[64];
-    const int length = std::snprintf(text, sizeof text, "%ld %ld\n", calls_, allocations_.load());
+    char text[128];
+    const int length = std::snprintf(text, sizeof text, "%ld %ld %ld %ld %ld\n", calls_.load(), writes_, maps_.load(),
+                                     allocations_.load(), sqlite_allocations_.load());
     const int out = int(syscall(SYS_openat, AT_FDCWD, file, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666));
     if (out >= 0 && syscall(SYS_write, out, text, length) != length) std::abort();
     if (out >= 0) syscall(SYS_close, out);
@@ -94,6 +104,7 @@ class Fault {
   // on the disk.
   int next(bool grows, bool* half = nullptr) {
     ++calls_;
+    if (half != nullptr && ++writes_ == at_ && mode_ == Mode::kShort) *half = true;
     if (mode_ == Mode::kKill && calls_ == at_) {
       if (half != nullptr && at_ % 2 == 0) {
         *half = true;
@@ -127,30 +138,60 @@ class Fault {
     if (syscall(SYS_writev, record_, parts, 4) != long(total)) std::abort();
   }
 
-  bool allocation_fails() {
-    if (!active_ || mode_ != Mode::kMemory || calls_ == 0) {
-      if (active_ && calls_ > 0) ++allocations_;
-      return false;
-    }
-    return ++allocations_ == at_;
+  // The first change of a file is when a program's work begins.
+  bool allocation_fails() { return fails(Mode::kMemory, allocations_); }
+  bool sqlite_allocation_fails() { return fails(Mode::kSqliteMemory, sqlite_allocations_); }
+  bool mapping_fails(int fd) {
+    const std::string path = path_of(fd);
+    return active_ && path.compare(0, folder_.size() + 1, folder_ + "/") == 0 && ++maps_ == at_ && mode_ == Mode::kMap;
   }
 
   std::mutex mutex;  // changes happen, and are noted, one after the other
 
  private:
+  bool fails(Mode mode, std::atomic<long>& count) { return active_ && calls_ > 0 && ++count == at_ && mode_ == mode; }
+
   bool active_ = false;
   Mode mode_ = Mode::kCount;
   std::string folder_;
-  long at_ = 0, calls_ = 0;
+  long at_ = 0, writes_ = 0;
   int error_ = EIO, record_ = -1;
-  std::atomic<long> allocations_ = 0;
+  std::atomic<long> calls_ = 0, maps_ = 0, allocations_ = 0, sqlite_allocations_ = 0;
 };
+
+// Whether the code at this address is SQLite's. Its place is found once, at the first change of a file: looking allocates.
+struct Code {
+  std::uintptr_t begin = 0, end = 0;
+};
+std::atomic<const Code*> sqlite = nullptr;
+
+int note_if_sqlite(dl_phdr_info* info, size_t, void*) {
+  if (std::strstr(info->dlpi_name, "libsqlite3") == nullptr) return 0;
+  auto* code = new Code;
+  for (int i = 0; i < info->dlpi_phnum; ++i) {
+    const auto& part = info->dlpi_phdr[i];
+    if (part.p_type != PT_LOAD || (part.p_flags & PF_X) == 0) continue;
+    code->begin = info->dlpi_addr + part.p_vaddr;
+    code->end = code->begin + part.p_memsz;
+  }
+  sqlite = code;
+  return 1;
+}
+
+bool is_sqlite(const void* address) {
+  const Code* code = sqlite;
+  const auto at = reinterpret_cast<std::uintptr_t>(address);
+  return code != nullptr && at >= code->begin && at < code->end;
+}
 
 // Allocates itself: what allocates while it is made must not wait for it.
 std::atomic<Fault*> ready = nullptr;
 
 Fault& fault() {
-  static Fault* const instance = new Fault;
+  static Fault* const instance = [] {
+    dl_iterate_phdr(note_if_sqlite, nullptr);
+    return new Fault;
+  }();
   ready = instance;
   return *instance;
 }
@@ -345,6 +386,33 @@ int ftruncate(int fd, off_t size) {
 int ftruncate64(int fd, off64_t size) {
   static const auto next = real<int (*)(int, off64_t)>("ftruncate64");
   return checked_truncate(fd, size, [&] { return next(fd, size); });
+}
+
+void* mmap(void* address, size_t length, int protection, int flags, int fd, off_t offset) {
+  static const auto next = real<void* (*)(void*, size_t, int, int, int, off_t)>("mmap");
+  if (fd >= 0 && ready.load() != nullptr && fault().mapping_fails(fd)) {
+    errno = ENOMEM;
+    return MAP_FAILED;
+  }
+  return next(address, length, protection, flags, fd, offset);
+}
+
+void* mmap64(void* address, size_t length, int protection, int flags, int fd, off64_t offset) {
+  return mmap(address, length, protection, flags, fd, offset);
+}
+
+// The C library's own, under the names by which it may be called past this one.
+void* __libc_malloc(size_t size);
+void* __libc_realloc(void* memory, size_t size);
+
+void* malloc(size_t size) {
+  if (is_sqlite(__builtin_return_address(0)) && fault().sqlite_allocation_fails()) return nullptr;
+  return __libc_malloc(size);
+}
+
+void* realloc(void* memory, size_t size) {
+  if (is_sqlite(__builtin_return_address(0)) && fault().sqlite_allocation_fails()) return nullptr;
+  return __libc_realloc(memory, size);
 }
 
 }  // extern "C"

@@ -1,0 +1,191 @@
+// Flipped bits in store.sqlite: found, named, and mended.
+#include <SQLiteCpp/SQLiteCpp.h>
+#include <catch2/catch.hpp>
+
+#include <random>
+
+#include "core/error.h"
+#include "db/scene.h"
+#include "db/store.h"
+#include "support/support.h"
+
+using namespace lightstage;
+using Catch::Matchers::Contains;
+using test::message_of;
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr int kLights = 40;
+constexpr std::size_t kPage = 4096;
+
+void add_pass(db::Store& store, const std::string& name) {
+  const db::Id scan_id = store.add_scan(test::olat_scan(name, kLights));
+  const db::ContentHash object = store.put_object(test::half_pattern(3, 3, 3, int(scan_id)));
+  store.atomically([&] {
+    for (int i = 0; i < kLights; ++i) {
+      store.add_frame({.scan_id = scan_id, .camera = "main", .step_index = i, .timestamp_ns = 1000 * i}, object);
+    }
+  });
+}
+
+// A closed store of three passes, and what it holds.
+struct DamagedCatalogue {
+  test::TemporaryFolder folder;
+  fs::path store = folder / "store";
+  fs::path file = store / "store.sqlite";
+  std::string sound;
+
+  DamagedCatalogue() {
+    db::Store made = db::Store::create(store);
+    for (const char* name : {"first", "second", "third"}) add_pass(made, name);
+    made.back_up(folder / "backup");
+    add_pass(made, "fourth");
+    made = db::Store::open(folder / "backup");  // closes it
+    sound = test::read_text(file);
+  }
+  void flip(std::size_t bit) {
+    std::string bytes = sound;
+    bytes[bit / 8] = char(bytes[bit / 8] ^ (1 << bit % 8));
+    test::write_text(file, bytes);
+  }
+  std::size_t pages() const { return sound.size() / kPage; }
+};
+
+// One line for each frame: its scan, step, time and object.
+std::vector<std::string> frames_of(const fs::path& folder) {
+  const db::Store store = db::Store::open(folder);
+  std::vector<std::string> lines;
+  for (const db::Scan& scan : store.scans()) {
+    for (const db::Frame& frame : store.frames(scan.id)) {
+      lines.push_back(scan.name + " " + std::to_string(frame.step_index) + " " + std::to_string(frame.timestamp_ns) +
+                      " " + frame.object.hex());
+    }
+  }
+  return lines;
+}
+
+// What verification has to say, be it that the store cannot be opened.
+std::vector<std::string> complaints(const fs::path& folder) {
+  try {
+    return db::Store::open(folder).verify().errors;
+  } catch (const core::StoreError& error) {
+    return {error.what()};
+  }
+}
+
+}  // namespace
+
+TEST_CASE_METHOD(DamagedCatalogue, "any flipped bit of the catalogue is found, in whatever page it is") {
+  REQUIRE(complaints(store).empty());
+  std::mt19937 random(5);
+  for (std::size_t page = 0; page < pages(); ++page) {
+    for (int i = 0; i < 3; ++i) {
+      const std::size_t bit = page * kPage * 8 + random() % (kPage * 8);
+      CAPTURE(page, bit);
+      flip(bit);
+      CHECK_FALSE(complaints(store).empty());
+    }
+  }
+  // All of the header, and its checksum at the page's end.
+  for (std::size_t byte = 0; byte < 100; ++byte) {
+    CAPTURE(byte);
+    flip(byte * 8 + byte % 8);
+    CHECK_FALSE(complaints(store).empty());
+  }
+  for (std::size_t byte = kPage - 8; byte < kPage; ++byte) {
+    flip(byte * 8);
+    CHECK_FALSE(complaints(store).empty());
+  }
+}
+
+TEST_CASE_METHOD(DamagedCatalogue, "frames whose rows were on a damaged page are named, the others verified") {
+  const std::string hash = frames_of(store).front().substr(frames_of(store).front().size() - 32);
+  // A row of table frames: the camera's name is not far before the object's.
+  std::size_t row = sound.find(hash);
+  while (std::string_view(sound).substr(row - 40, 40).find("main") == std::string_view::npos)
+    row = sound.find(hash, row + 1);
+  flip(row * 8);
+  const auto errors = complaints(store);
+  std::string all;
+  for (const std::string& error : errors) all += error + "\n";
+  CHECK_THAT(all, Contains("does not match its checksum"));
+  CHECK_THAT(all, Contains("camera 'main': its row cannot be read"));
+  CHECK_THAT(all, !Contains("scan 'fourth'"));
+}
+
+TEST_CASE_METHOD(DamagedCatalogue, "a damaged page is never taken for rows") {
+  flip(8 * sound.find("fourtholat"));  // another name in table scans, were it believed
+  const auto names = [&] {
+    std::vector<std::string> list;
+    for (const db::Scan& scan : db::Store::open(store).scans()) list.push_back(scan.name);
+    return list;
+  };
+  CHECK_THAT(message_of([&] { names(); }), Contains("a page does not match its checksum"));
+  // A backup would spread it.
+  CHECK_THAT(message_of([&] { db::Store::open(store).back_up(folder / "spread"); }),
+             Contains("the catalogue is damaged") && Contains("nothing was copied"));
+}
+
+TEST_CASE_METHOD(DamagedCatalogue,
+                 "repair makes a new catalogue of sound pages and of backups, and keeps the damaged one") {
+  const auto before = frames_of(store);
+  for (std::size_t page = 0; page < pages(); ++page) {
+    CAPTURE(page);
+    for (const auto& entry : fs::directory_iterator(store)) {
+      if (entry.path().filename().string().starts_with("store.sqlite.")) fs::remove(entry.path());
+    }
+    flip(page * kPage * 8 + 8 * 2000);
+    const std::string damaged = test::read_text(file);
+    const db::CatalogueRepair report = db::Store::repair_catalogue(store, {folder / "backup"});
+    REQUIRE_FALSE(report.damaged_copy.empty());
+    CHECK(report.rows_from_backups > 0);
+    CHECK(test::read_text(report.damaged_copy) == damaged);
+    // All that the backup has, and of the pass that it lacks what can be read.
+    const auto now = frames_of(store);
+    for (const std::string& line : now) CHECK(std::find(before.begin(), before.end(), line) != before.end());
+    for (const std::string& line : before) {
+      if (!line.starts_with("fourth")) CHECK(std::find(now.begin(), now.end(), line) != now.end());
+    }
+    for (const std::string& error : complaints(store)) CHECK_THAT(error, Contains("the frame is missing"));
+    CHECK_THROWS_AS(db::Store::open(store).collect_garbage(std::chrono::seconds(0)), core::StoreError);
+    CHECK(db::Store::repair_catalogue(store, {}).damaged_copy.empty());  // it is sound now
+  }
+}
+
+TEST_CASE_METHOD(DamagedCatalogue, "without a backup repair keeps the rows of all sound pages") {
+  const auto before = frames_of(store);
+  std::size_t most = 0;
+  for (std::size_t page = 0; page < pages(); ++page) {
+    CAPTURE(page);
+    flip(page * kPage * 8 + 8 * (kPage - 1));
+    db::Store::repair_catalogue(store, {});
+    most = std::max(most, frames_of(store).size());
+    for (const std::string& line : frames_of(store))
+      CHECK(std::find(before.begin(), before.end(), line) != before.end());
+  }
+  CHECK(most == before.size());  // where only an index was hit
+}
+
+TEST_CASE_METHOD(DamagedCatalogue, "a catalogue that is gone or no database comes back from a backup alone") {
+  fs::remove(file);
+  CHECK_THAT(message_of([&] { db::Store::repair_catalogue(store, {}); }), Contains("name a backup with --from"));
+  CHECK_FALSE(fs::exists(file));
+  test::write_text(file, std::string(10'000, 'x'));
+  CHECK_THAT(message_of([&] { db::Store::repair_catalogue(store, {}); }), Contains("name a backup with --from"));
+  CHECK(test::read_text(file) == std::string(10'000, 'x'));
+  db::Store::repair_catalogue(store, {folder / "backup"});
+  CHECK(frames_of(store).size() == 3 * kLights);
+}
+
+TEST_CASE_METHOD(DamagedCatalogue,
+                 "nothing is repaired from the backup of another store, nor what is newer than the program") {
+  { db::Store other = db::Store::create(folder / "other"); }
+  flip(3 * kPage * 8);
+  const std::string damaged = test::read_text(file);
+  CHECK_THROWS_AS(db::Store::repair_catalogue(store, {folder / "other"}), core::UsageError);
+  CHECK(test::read_text(file) == damaged);
+  test::write_text(file, sound);
+  SQLite::Database(file.string(), SQLite::OPEN_READWRITE).exec("PRAGMA user_version = 99");
+  CHECK_THAT(message_of([&] { db::Store::repair_catalogue(store, {}); }), Contains("schema version 99"));
+}
