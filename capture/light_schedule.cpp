@@ -9,6 +9,9 @@ namespace lightstage::capture {
 
 namespace {
 
+// Devices are never quite as was reckoned, and what the controllers stop is a pass broken off.
+constexpr double kMargin = 0.9;
+
 // Mean of a light's colours, which is what it adds to the whole.
 double level_of(const LightLevel& level) {
   return (double(level.r) + double(level.g) + double(level.b)) / 3;
@@ -63,7 +66,9 @@ struct Flashing {
 std::optional<Flashing> first_flashing(const Sequence& sequence, const std::vector<std::vector<LightLevel>>& lit,
                                        std::size_t light_count, const LightLimits& limits,
                                        const std::vector<core::Nanoseconds>& times) {
-  FlashMeter meter(light_count, limits);
+  LightLimits with_margin = limits;
+  if (limits.strobe_share < 1) with_margin.strobe_share *= kMargin;
+  FlashMeter meter(light_count, with_margin);
   std::optional<Flashing> first;
   std::vector<std::pair<std::size_t, double>> levels;
   for (std::size_t i = 0; i < sequence.steps.size(); ++i) {
