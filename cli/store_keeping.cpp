@@ -62,10 +62,16 @@ void report_copy(const std::string& verb, const db::BackupReport& report, const 
   }
 }
 
-void repair(const std::vector<std::filesystem::path>& backups, Context& context) {
-  const db::CatalogueRepair catalogue = db::Store::repair_catalogue(context.store_folder, backups);
+struct RepairOptions {
+  std::vector<std::filesystem::path> backups;
+  bool accept_catalogue = false;
+};
+
+void repair(const RepairOptions& options, Context& context) {
+  const db::CatalogueRepair catalogue =
+      db::Store::repair_catalogue(context.store_folder, options.backups, options.accept_catalogue);
   db::Store store = context.open_store();
-  const db::RepairReport report = store.repair(backups);
+  const db::RepairReport report = store.repair(options.backups);
   std::string text;
   if (!catalogue.damaged_copy.empty()) {
     text +=
@@ -73,6 +79,7 @@ void repair(const std::vector<std::filesystem::path>& backups, Context& context)
         std::to_string(catalogue.rows_from_backups) + " from backups, " + std::to_string(catalogue.rows_dropped) +
         " dropped that referred to lost ones\n  the damaged one is kept as " + catalogue.damaged_copy.string() + "\n";
   }
+  if (catalogue.accepted) text += "the catalogue was taken as it is\n";
   text += report.mended.empty() && report.lost.empty()
               ? "nothing to repair\n"
               : std::to_string(report.mended.size()) + " mended, " + std::to_string(report.lost.size()) +
@@ -82,7 +89,8 @@ void repair(const std::vector<std::filesystem::path>& backups, Context& context)
                          {{"damaged_copy", catalogue.damaged_copy.string()},
                           {"rows_read", catalogue.rows_read},
                           {"rows_from_backups", catalogue.rows_from_backups},
-                          {"rows_dropped", catalogue.rows_dropped}}},
+                          {"rows_dropped", catalogue.rows_dropped},
+                          {"accepted", catalogue.accepted}}},
                         {"mended", report.mended},
                         {"lost", report.lost}});
   if (!report.lost.empty()) {
@@ -157,10 +165,13 @@ void add_repair(CLI::App& store, Context& context) {
       store.add_subcommand("repair", "Mend a damaged catalogue, and damaged and missing objects by sound copies");
   command->fallthrough();
   command->footer("Example:\n  lightstage store repair --from /mnt/disk/head-store");
-  auto backups = std::make_shared<std::vector<std::filesystem::path>>();
-  command->add_option("--from", *backups,
+  auto options = std::make_shared<RepairOptions>();
+  command->add_option("--from", options->backups,
                       "Backups to take sound copies from; without, only what interrupted writes left");
-  command->callback([backups, &context] { repair(*backups, context); });
+  command->add_flag(
+      "--accept-catalogue", options->accept_catalogue,
+      "Take pages of the catalogue that do not match their checksums as they are: another program has written to it");
+  command->callback([options, &context] { repair(*options, context); });
 }
 
 void add_gc(CLI::App& store, Context& context) {

@@ -151,6 +151,7 @@ struct CatalogueRepair {
   std::size_t rows_read = 0;           // of the damaged catalogue, which count before those of backups
   std::size_t rows_from_backups = 0;
   std::size_t rows_dropped = 0;  // that referred to rows which could be read nowhere
+  bool accepted = false;         // taken as it was
 };
 
 // A scan's row and how much belongs to it.
@@ -270,10 +271,11 @@ class Store {
   GarbageReport collect_garbage(std::chrono::seconds age, bool only_look = false);
 
   // Makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (the newest last) have.
-  // The damaged one is kept beside it. Does nothing to a sound one. Throws StoreError when nothing can be read or another program has the
-  // store open, UsageError for a backup of another store.
+  // The damaged one is kept beside it. Does nothing to a sound one. One that is whole, but has pages that do not match their checksums, is with
+  // `accept` taken as it is. Throws StoreError when nothing can be read, another program has the store open, or neither backups nor `accept` say
+  // what to do; UsageError for a backup of another store.
   static CatalogueRepair repair_catalogue(const std::filesystem::path& folder,
-                                          const std::vector<std::filesystem::path>& backups);
+                                          const std::vector<std::filesystem::path>& backups, bool accept = false);
   // Mends damaged and missing objects by sound copies: from backups (stores), and from what interrupted writes left. An object is replaced only by
   // bytes that match its name; nothing is removed. Reads every object that is referred to.
   RepairReport repair(const std::vector<std::filesystem::path>& backups);

@@ -109,8 +109,9 @@ BackupReport Store::back_up(const fs::path& folder) const {
     throw core::UsageError(folder.string() + ": this is the store itself; a backup goes to another folder");
   }
   if (const auto damaged = damaged_pages(catalogue_path(this->folder())); !damaged.empty()) {
-    throw core::StoreError(this->folder().string() + ": the catalogue is damaged (page " + std::to_string(damaged[0]) +
-                           "); nothing was copied. Mend it first with `lightstage store repair`");
+    throw core::StoreError(
+        this->folder().string() + ": page " + std::to_string(damaged[0]) +
+        " of the catalogue does not match its checksum; nothing was copied. `lightstage store repair` says what to do");
   }
   BackupReport report;
   explaining(folder, [&] {

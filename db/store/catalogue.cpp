@@ -143,7 +143,7 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     refuse_newer(store_folder, version);
     configure(database, store_folder);
     if (version < schema_version()) {
-      if (!has_page_checks(database)) add_page_checks(database);
+      if (!has_page_checks(database)) renew_page_checks(database);
       migrate(database);
     }
     return database;
@@ -174,14 +174,6 @@ core::StoreError explained(const SQLite::Exception& error, const fs::path& store
     case SQLITE_NOTADB:
       text += "the catalogue store.sqlite is damaged; `lightstage store verify` says more";
       break;
-    case SQLITE_IOERR:
-      if (error.getExtendedErrorCode() == SQLITE_IOERR_DATA) {
-        text +=
-            "the catalogue store.sqlite is damaged: a page does not match its checksum; `lightstage store verify` says "
-            "more";
-        break;
-      }
-      [[fallthrough]];
     default:
       text += "database error";
   }

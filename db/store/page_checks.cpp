@@ -7,9 +7,10 @@
 #include <cstring>
 #include <fstream>
 #include <memory>
-#include <span>
+#include <set>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include <SQLiteCpp/Exception.h>
 #include <SQLiteCpp/Statement.h>
@@ -17,6 +18,7 @@
 #include <xxhash.h>
 
 #include "core/interrupt.h"
+#include "db/store/migrations.h"
 
 namespace lightstage::db {
 
@@ -27,7 +29,10 @@ namespace {
 constexpr const char* kLayer = "lightstage";
 constexpr int kCheckBytes = 8;
 // Our own requests to the layer, beyond those that SQLite knows.
-constexpr int kSetChecking = 0x4c534331, kSetPageSize = 0x4c534332;
+constexpr int kSetMode = 0x4c534331, kSetPageSize = 0x4c534332;
+
+// What becomes of a page that does not match: it is read and stays marked, reading it fails, or it is taken for sound.
+enum class Mode { kMark, kRefuse, kAccept };
 
 // Where a database's header says how large its pages are and how much of them is reserved.
 constexpr std::size_t kHeaderBytes = 100, kPageSizeAt = 16, kReservedAt = 20;
@@ -53,7 +58,9 @@ bool matches(const unsigned char* page, std::size_t size, std::uint64_t number) 
 struct File {
   sqlite3_file base;
   std::size_t page_size;  // 0 while the file is not known to have checksums
-  bool checking;
+  Mode mode;
+  std::set<std::uint64_t>*
+      marked;  // pages that did not match when they were read; SQLite's memory cannot hold the set itself
   sqlite3_file* below() { return reinterpret_cast<sqlite3_file*>(this + 1); }
 };
 
@@ -75,6 +82,7 @@ std::uint64_t page_number(const File& file, int length, sqlite3_int64 offset) {
 }
 
 int close(sqlite3_file* file) {
+  const std::unique_ptr<std::set<std::uint64_t>> marked(std::exchange(ours(file).marked, nullptr));
   return below(file)->pMethods->xClose(below(file));
 }
 
@@ -84,9 +92,15 @@ int read(sqlite3_file* file, void* data, int length, sqlite3_int64 offset) {
   const auto* bytes = static_cast<const unsigned char*>(data);
   if (offset == 0 && std::size_t(length) >= kHeaderBytes) ours(file).page_size = page_size_with_checks(bytes);
   const std::uint64_t number = page_number(ours(file), length, offset);
-  if (number == 0 || !ours(file).checking || matches(bytes, std::size_t(length), number)) return SQLITE_OK;
-  sqlite3_log(SQLITE_IOERR_DATA, "page %llu does not match its checksum", static_cast<unsigned long long>(number));
-  return SQLITE_IOERR_DATA;
+  if (number == 0 || ours(file).mode == Mode::kAccept || matches(bytes, std::size_t(length), number)) return SQLITE_OK;
+  if (ours(file).mode == Mode::kRefuse) return SQLITE_IOERR_DATA;
+  try {
+    if (ours(file).marked == nullptr) ours(file).marked = std::make_unique<std::set<std::uint64_t>>().release();
+    ours(file).marked->insert(number);
+  } catch (const std::bad_alloc&) {
+    return SQLITE_IOERR_NOMEM;
+  }
+  return SQLITE_OK;
 }
 
 int write(sqlite3_file* file, const void* data, int length, sqlite3_int64 offset) {
@@ -101,14 +115,17 @@ int write(sqlite3_file* file, const void* data, int length, sqlite3_int64 offset
   } catch (const std::bad_alloc&) {
     return SQLITE_IOERR_NOMEM;
   }
-  const auto check = check_of(bytes, std::size_t(length), number);
+  auto check = check_of(bytes, std::size_t(length), number);
+  if (ours(file).marked != nullptr && ours(file).marked->contains(number)) {
+    for (unsigned char& byte : check) byte = static_cast<unsigned char>(~byte);
+  }
   std::copy(check.begin(), check.end(), page.end() - kCheckBytes);
   return below(file)->pMethods->xWrite(below(file), page.data(), length, offset);
 }
 
 int control(sqlite3_file* file, int request, void* argument) {
-  if (request == kSetChecking) {
-    ours(file).checking = *static_cast<const bool*>(argument);
+  if (request == kSetMode) {
+    ours(file).mode = *static_cast<const Mode*>(argument);
     return SQLITE_OK;
   }
   if (request == kSetPageSize) {
@@ -166,7 +183,6 @@ int open(sqlite3_vfs*, sqlite3_filename name, sqlite3_file* file, int flags, int
   if ((flags & SQLITE_OPEN_MAIN_DB) == 0) return system->xOpen(system, name, file, flags, out_flags);
   File& opened = ours(file);
   opened = {};
-  opened.checking = true;
   const int result = system->xOpen(system, name, opened.below(), flags, out_flags);
   // Of a file that could not be opened SQLite closes what has methods.
   if (opened.below()->pMethods != nullptr) opened.base.pMethods = &kMethods;
@@ -188,6 +204,10 @@ const char* layer() {
 
 void must(const SQLite::Database& database, int result) {
   if (result != SQLITE_OK) throw SQLite::Exception(database.getHandle(), result);
+}
+
+void set_mode(SQLite::Database& database, Mode mode) {
+  must(database, sqlite3_file_control(database.getHandle(), "main", kSetMode, &mode));
 }
 
 void reserve(SQLite::Database& database) {
@@ -215,13 +235,26 @@ bool has_page_checks(const SQLite::Database& database) {
   return bytes == kCheckBytes;
 }
 
-void add_page_checks(SQLite::Database& database) {
+void renew_page_checks(SQLite::Database& database) {
+  set_mode(database, Mode::kAccept);
   reserve(database);
   database.exec("VACUUM");
+  set_mode(database, Mode::kMark);
 }
 
-void check_pages(SQLite::Database& database, bool checking) {
-  must(database, sqlite3_file_control(database.getHandle(), "main", kSetChecking, &checking));
+std::optional<SQLite::Database> open_sound_pages(const fs::path& path) {
+  std::error_code none;
+  if (!fs::exists(path, none)) return std::nullopt;
+  try {
+    SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE);
+    database.exec("PRAGMA trusted_schema = OFF");
+    set_mode(database, Mode::kAccept);
+    if (schema_of(database) != current_schema()) return std::nullopt;
+    set_mode(database, Mode::kRefuse);
+    return database;
+  } catch (const SQLite::Exception&) {
+    return std::nullopt;
+  }
 }
 
 std::vector<std::size_t> damaged_pages(const fs::path& catalogue) {

@@ -36,19 +36,25 @@ bool is_sound(SQLite::Database& database) {
   return check.executeStep() && check.getColumn(0).getString() == "ok";
 }
 
-// Missing, no catalogue, or damaged in a page or in its structure. A newer schema is none of these.
-bool is_catalogue_damaged(const fs::path& store_folder) {
+enum class Condition {
+  kSound,
+  kWritten,  // whole, but with pages that do not match their checksums
+  kDamaged   // missing, no catalogue, or damaged in its structure
+};
+
+Condition condition_of(const fs::path& store_folder) {
   const fs::path path = catalogue_path(store_folder);
   std::error_code none;
-  if (!fs::exists(path, none)) return true;
+  if (!fs::exists(path, none)) return Condition::kDamaged;
   try {
     SQLite::Database database = open_catalogue(store_folder);
-    return !damaged_pages(path).empty() || !is_sound(database);
+    if (!is_sound(database)) return Condition::kDamaged;
+    return damaged_pages(path).empty() ? Condition::kSound : Condition::kWritten;
   } catch (const core::StoreError&) {
     throw_if_newer(store_folder);
-    return true;
+    return Condition::kDamaged;
   } catch (const SQLite::Exception&) {
-    return true;
+    return Condition::kDamaged;
   }
 }
 
@@ -187,27 +193,19 @@ std::optional<std::string> store_id(SQLite::Database& database) {
   }
 }
 
-// Opens what may be damaged, alone; nothing where not even the schema can be read. Of the schema we know what it must be: it may lie on a page that
-// is damaged elsewhere.
-// Alone: others who work on the store are told to wait by their own connections.
-std::optional<SQLite::Database> open_damaged(const fs::path& path, const fs::path& store_folder) {
-  std::error_code none;
-  if (!fs::exists(path, none)) return std::nullopt;
+// The sound pages of the catalogue, and nobody else at it.
+std::optional<SQLite::Database> open_alone(const fs::path& path, const fs::path& store_folder) {
+  std::optional<SQLite::Database> database = open_sound_pages(path);
+  if (!database) return std::nullopt;
   try {
-    SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE);
-    // Exclusive, which also keeps what has been read of the first page and the schema.
-    check_pages(database, false);
-    database.exec("PRAGMA trusted_schema = OFF; PRAGMA locking_mode = EXCLUSIVE; BEGIN IMMEDIATE; COMMIT");
-    if (schema_of(database) != current_schema()) return std::nullopt;
-    check_pages(database, true);
-    return database;
+    database->exec("PRAGMA locking_mode = EXCLUSIVE; BEGIN IMMEDIATE; COMMIT");
   } catch (const SQLite::Exception& error) {
     if (error.getErrorCode() == SQLITE_BUSY || error.getErrorCode() == SQLITE_LOCKED) {
       throw core::StoreError(store_folder.string() +
                              ": the catalogue is damaged, and another program has it open; end that, then repair");
     }
-    return std::nullopt;
   }
+  return database;
 }
 
 // A name for the damaged catalogue that is not taken.
@@ -232,19 +230,36 @@ void move_away(const fs::path& path, const fs::path& damaged) {
 
 }  // namespace
 
-CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vector<fs::path>& backups) {
+CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vector<fs::path>& backups, bool accept) {
   std::error_code none;
   if (!fs::is_directory(folder / "objects", none)) {
     throw core::StoreError(folder.string() + ": there is no store here (no folder objects)");
   }
   CatalogueRepair report;
-  if (!is_catalogue_damaged(folder)) return report;
+  const Condition condition = condition_of(folder);
+  if (condition == Condition::kSound) return report;
   const fs::path path = catalogue_path(folder);
+  if (condition == Condition::kWritten && accept) {
+    explaining(folder, [&] {
+      SQLite::Database database = open_catalogue(folder);
+      renew_page_checks(database);
+      database.exec("PRAGMA wal_checkpoint(TRUNCATE)");
+    });
+    report.accepted = true;
+    return report;
+  }
+  if (condition == Condition::kWritten && backups.empty()) {
+    throw core::StoreError(
+        folder.string() +
+        ": pages of the catalogue do not match their checksums, yet it is whole. If another program has written to "
+        "store.sqlite, or opened it after a crash, --accept-catalogue takes it as it is; if not, name a backup with "
+        "--from");
+  }
   explaining(folder, [&] {
     const core::ScratchFolder scratch(folder);
     const fs::path made = scratch.path() / path.filename();
     {
-      std::optional<SQLite::Database> damaged = open_damaged(path, folder);
+      std::optional<SQLite::Database> damaged = open_alone(path, folder);
       const std::optional<std::string> id = damaged ? store_id(*damaged) : std::nullopt;
       SQLite::Database fresh = open_checked(made, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
       migrate(fresh);

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 
 #include "core/error.h"
@@ -106,9 +107,9 @@ class Verification {
     const std::vector<std::size_t> damaged = damaged_pages(catalogue_path(store_.folder()));
     for (const std::size_t page : damaged) {
       report_.errors.push_back("catalogue: page " + std::to_string(page) +
-                               " does not match its checksum: damaged, or changed by a program that is not lightstage");
+                               " does not match its checksum: damaged, or written by a program that is not lightstage");
     }
-    if (!damaged.empty()) return;  // what follows would read them
+    if (!damaged.empty()) sound_pages_ = open_sound_pages(catalogue_path(store_.folder()));
     SQLite::Statement check(database_, "PRAGMA integrity_check");
     while (check.executeStep()) {
       const std::string text = check.getColumn(0).getString();
@@ -132,7 +133,7 @@ class Verification {
     {
       // One view of the scan, whatever others write meanwhile.
       SQLite::Transaction snapshot(database_);
-      if (name_unreadable_frames(scan)) return;
+      name_rows_on_damaged_pages(scan);
       check_steps(scan);
       objects = objects_of_scan(database_, scan.id);
       lit = lit_frames(store_, scan);
@@ -149,27 +150,28 @@ class Verification {
     }
   }
 
-  // Where pages of the catalogue are damaged: whose rows were on them. True when there are such.
-  bool name_unreadable_frames(const Scan& scan) {
-    try {
-      store_.frames(scan.id);
-      return false;
-    } catch (const core::StoreError&) {
-    }
+  void name_rows_on_damaged_pages(const Scan& scan) {
+    if (!sound_pages_) return;
+    const auto readable = [&](const char* sql, const auto&... values) {
+      try {
+        SQLite::Statement row(*sound_pages_, sql);
+        bind_all(row, values...);
+        while (row.executeStep()) continue;
+        return true;
+      } catch (const SQLite::Exception&) {
+        return false;
+      }
+    };
+    if (readable("SELECT * FROM frames WHERE scan_id = ?", scan.id)) return;
     for (const Step& step : scan.steps) {
       for (const std::string& camera : scan.cameras) {
-        try {
-          SQLite::Statement row(database_,
-                                "SELECT id, object FROM frames WHERE scan_id = ? AND step_index = ? AND camera = ?");
-          bind_all(row, scan.id, step.step_index, camera);
-          row.executeStep();
-        } catch (const SQLite::Exception&) {
-          report_.errors.push_back("scan '" + scan.name + "', step " + std::to_string(step.step_index) + ", camera '" +
-                                   camera + "': its row cannot be read: a page of the catalogue is damaged");
-        }
+        if (readable("SELECT * FROM frames WHERE scan_id = ? AND step_index = ? AND camera = ?", scan.id,
+                     step.step_index, camera))
+          continue;
+        report_.errors.push_back("scan '" + scan.name + "', step " + std::to_string(step.step_index) + ", camera '" +
+                                 camera + "': its row is on a page of the catalogue that does not match its checksum");
       }
     }
-    return true;
   }
 
   void check_steps(const Scan& scan) {
@@ -256,6 +258,7 @@ class Verification {
   const Store& store_;
   SQLite::Database& database_;
   const ObjectFiles& files_;
+  std::optional<SQLite::Database> sound_pages_;  // of a catalogue that has others too
   std::unique_ptr<core::Progress> progress_;
   VerifyState state_;
   VerifyReport& report_ = state_.report;

@@ -57,6 +57,14 @@ bool only_incomplete(const std::string& error) {
   return error.find("the frame is missing") != std::string::npos;
 }
 
+std::optional<std::string> first_difference(const std::vector<std::string>& is, const std::vector<std::string>& should) {
+  for (std::size_t i = 0; i < std::max(is.size(), should.size()); ++i) {
+    const std::string a = i < is.size() ? is[i] : "nothing", b = i < should.size() ? should[i] : "nothing";
+    if (a != b) return a + " in place of " + b;
+  }
+  return std::nullopt;
+}
+
 std::string first_line(const std::string& text) {
   const auto end = text.find('\n');
   return text.substr(0, end);
@@ -190,8 +198,9 @@ class Harness {
         if (outcome.status != 0)
           point.complaints.push_back("cannot be done again: " + outcome.err.substr(0, outcome.err.size() - 1));
       }
-      if (contents(work_ / "store") != reference_)
-        point.complaints.push_back("done again, the store holds something else");
+      if (const auto difference = first_difference(contents(work_ / "store"), reference_)) {
+        point.complaints.push_back("done again, the store holds something else: " + *difference);
+      }
       verify(point, "done again", false);
     } catch (const std::exception& error) {
       point.clean = false;
@@ -239,6 +248,7 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(1, 1000000));
   app.add_option("--seed", seed, "Which points")->capture_default_str();
   app.add_option("--scenario", only, "Only these");
+
   CLI11_PARSE(app, argc, argv);
   set_paths(program, shim);
   std::vector<const Scenario*> chosen;
