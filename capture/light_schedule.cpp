@@ -10,7 +10,7 @@ namespace lightstage::capture {
 namespace {
 
 // Devices are never quite as was reckoned, and what the controllers stop is a pass broken off.
-constexpr double kMargin = 0.9;
+constexpr double kMargin = 0.97;
 
 // Mean of a light's colours, which is what it adds to the whole.
 double level_of(const LightLevel& level) {
@@ -112,15 +112,18 @@ std::vector<core::Nanoseconds> light_times(const Sequence& sequence, const Pace&
         break;
       }
       case Timing::kPipelined: {
-        // The strobe lights the next pattern; a run of one exposure ends by waiting for its frames, with the next lights on.
-        const core::Nanoseconds trigger = std::max(lit + sequence.settle, ready);
-        ready = trigger + period + (changes ? pace.overhead : 0);
+        // The strobe lights the next pattern. A run of steps of one exposure ends by waiting for its frames and settling once more, with the next lights on.
+        const bool begins = i == 0 || sequence.steps[i - 1].exposure_ns != exposure;
+        const core::Nanoseconds settled = lit + sequence.settle + (begins ? pace.overhead + sequence.settle : 0);
+        const core::Nanoseconds trigger = std::max(settled, ready);
+        ready = trigger + period;
         off = trigger + exposure + sequence.hold;
         break;
       }
       case Timing::kFreeRun:
-        // An exposure begins within a period of the lights' settling; before cameras expose otherwise the one under way and the next must end.
-        off = lit + sequence.settle + period + exposure + pace.overhead + (changes ? 2 * period : 0);
+        // An exposure begins within a period of the lights' settling. Before cameras expose otherwise the one under way and the next must end, and six
+        // more tell where the exposures lie.
+        off = lit + sequence.settle + period + exposure + pace.overhead + (changes ? 8 * pace.period : 0);
         break;
     }
     times.push_back(std::max(off, lit + 1));

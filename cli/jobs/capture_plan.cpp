@@ -133,7 +133,8 @@ sim::Simulation plan_simulation(const CaptureRequest& request, capture::Stage st
 
 // The simulated devices' is known, real ones' is not before they have been used.
 std::vector<capture::Pace> paces(const CaptureProvenance& plan) {
-  if (plan.simulation) return {{.overhead = 0, .period = kSimulatedPeriod}};
+  // Exposures begin 4 standard deviations of the trigger's jitter late.
+  if (plan.simulation) return {{.overhead = 4 * plan.simulation->faults.trigger_jitter, .period = kSimulatedPeriod}};
   return capture::possible_paces();
 }
 
