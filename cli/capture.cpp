@@ -363,7 +363,7 @@ void add_capture(CLI::App& program, Context& context) {
   std::vector<CLI::Option*> new_ones = simulated;
   for (const char* name :
        {"--stage", "--sequence", "--sim", "--timing", "--settle", "--exposure", "--dry-run", "--mirror-ball",
-        "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every", "--i-know"}) {
+        "--grey-ball", "--chessboard", "--white-card", "--views", "--tracking-every"}) {
     new_ones.push_back(command->get_option(name));
   }
   std::vector<CLI::Option*> not_dry;
@@ -373,7 +373,9 @@ void add_capture(CLI::App& program, Context& context) {
   CLI::Option* views = command->get_option("--views");
   CLI::Option* tracking = command->get_option("--tracking-every");
   CLI::Option* radius = command->get_option("--ball-radius");
-  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius] {
+  CLI::Option* i_know = command->get_option("--i-know");
+  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius, i_know] {
+    if (options->resume) refuse_any({i_know}, "--resume goes on as it was begun; leave this out");
     if (options->goes_on()) {
       refuse_any(new_ones, std::string(options->resume ? "--resume" : "--retake") +
                                " goes on with a scan as it was begun; leave this out");

@@ -89,13 +89,17 @@ std::vector<core::Direction> virtual_directions(const std::vector<core::Directio
 SuperresReport superres(db::Store& store, const db::LoadedScan& source, const db::Scan& source_scan,
                         const model::LightInterpolator& interpolator, const std::string& parameters,
                         const std::vector<core::Direction>& directions, const std::string& out) {
+  const std::optional<db::Scan> existing = store.find_scan(out);
+  const std::size_t there = existing ? store.frames(existing->id).size() : 0;
+  std::optional<db::ScanLock> alone;
+  if (there < directions.size()) {
+    core::require_room(store.folder(), db::most_bytes(source.scan.image_size(), directions.size() - there),
+                       "super-resolving '" + out + "'");
+    alone.emplace(store.folder(), out, "is being rendered");
+  }
   const db::Scan scan = begin_virtual_scan(store, source, source_scan, parameters, directions, out);
   std::set<int> stored;
-  std::optional<db::ScanLock> alone;
-  if (store.frames(scan.id).size() < directions.size()) alone.emplace(store.folder(), out, "is being rendered");
   for (const db::Frame& frame : store.frames(scan.id)) stored.insert(frame.step_index);
-  core::require_room(store.folder(), db::most_bytes(source.scan.image_size(), directions.size() - stored.size()),
-                     "super-resolving '" + out + "'");
   SuperresReport report{.lights = directions.size(), .already_stored = stored.size()};
 
   std::optional<core::Progress> progress;
