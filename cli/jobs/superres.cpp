@@ -49,19 +49,20 @@ db::Scan begin_virtual_scan(db::Store& store, const db::LoadedScan& source, cons
     light.light.direction = directions[i];
     lights.push_back(light);
   }
-  const db::Id id = store.add_scan(scan);
-  calibration.scan_id = id;
-  calibration.input_scans = {source_scan.id};
-  store.add_calibration(calibration, lights);
-
   db::NewProduct mask;
   mask.kind = "mask";
-  mask.scan_id = id;
   mask.parameters = "{}";
   mask.input_scans = {source_scan.id};
   mask.images = {{.role = "mask", .index = 0, .object = store.put_object(source.scan.mask())}};
-  store.add_product(mask);
-  return store.scan(id);
+  calibration.input_scans = {source_scan.id};
+  // At once: what an interruption leaves is a scan with all that belongs to it but pictures, or nothing.
+  store.atomically([&] {
+    const db::Id id = store.add_scan(scan);
+    calibration.scan_id = mask.scan_id = id;
+    store.add_calibration(calibration, lights);
+    store.add_product(mask);
+  });
+  return store.scan(name);
 }
 
 }  // namespace

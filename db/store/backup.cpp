@@ -33,29 +33,6 @@ bool same_place(const fs::path& a, const fs::path& b) {
   return fs::equivalent(a, b, error) && !error;
 }
 
-// The catalogue as it is at one moment, in a file of its own.
-class Snapshot {
- public:
-  Snapshot(SQLite::Database& source, const fs::path& folder) : path_(folder / "incoming.sqlite") {
-    remove();
-    SQLite::Database copy = open_checked(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    SQLite::Backup(copy, source).executeStep();
-  }
-  ~Snapshot() { remove(); }
-  Snapshot(const Snapshot&) = delete;
-  Snapshot& operator=(const Snapshot&) = delete;
-
-  const fs::path& path() const { return path_; }
-  SQLite::Database open() const { return open_checked(path_, SQLite::OPEN_READWRITE); }
-
- private:
-  void remove() const {
-    std::error_code ignored;
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_.string() + suffix, ignored);
-  }
-  fs::path path_;
-};
-
 std::vector<OwnedObject> all_objects(SQLite::Database& database) {
   std::vector<OwnedObject> objects = objects_of_no_scan(database);
   SQLite::Statement scan(database, "SELECT id FROM scans ORDER BY id");
@@ -70,6 +47,47 @@ std::vector<OwnedObject> all_objects(SQLite::Database& database) {
                 objects.end());
   return objects;
 }
+
+// The catalogue as it is at one moment, in a file of its own.
+class Snapshot {
+ public:
+  Snapshot(SQLite::Database& source, const fs::path& folder) : path_(folder / "incoming.sqlite") {
+    remove();
+    SQLite::Database copy = open_checked(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    SQLite::Backup(copy, source).executeStep();
+  }
+  ~Snapshot() { remove(); }
+  Snapshot(const Snapshot&) = delete;
+  Snapshot& operator=(const Snapshot&) = delete;
+
+  const fs::path& path() const { return path_; }
+  std::vector<OwnedObject> objects() const {
+    SQLite::Database database = open();
+    return all_objects(database);
+  }
+
+  // Makes it the folder's catalogue: whole or not at all, and to programs that read the earlier one in one transaction.
+  void install() const {
+    const fs::path target = path_.parent_path() / catalogue_path({});
+    std::error_code none;
+    if (!fs::exists(target, none) || fs::is_empty(target, none)) {
+      put_catalogue(path_, path_.parent_path());
+      return;
+    }
+    SQLite::Database earlier = open_checked(target, SQLite::OPEN_READWRITE);
+    SQLite::Database source = open();
+    earlier.exec("PRAGMA synchronous = FULL");
+    SQLite::Backup(earlier, source).executeStep();
+  }
+
+ private:
+  SQLite::Database open() const { return open_checked(path_, SQLite::OPEN_READWRITE); }
+  void remove() const {
+    std::error_code ignored;
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_.string() + suffix, ignored);
+  }
+  fs::path path_;
+};
 
 // Networks that the store keeps: few and replaced whole, told apart by size and time as by make.
 void copy_models(const fs::path& from, const fs::path& to, BackupReport& report) {
@@ -125,8 +143,7 @@ BackupReport Store::back_up(const fs::path& folder) const {
       }
     }
     const Snapshot snapshot(impl_->database, folder);
-    SQLite::Database catalogue = snapshot.open();
-    const std::vector<OwnedObject> objects = all_objects(catalogue);
+    const std::vector<OwnedObject> objects = snapshot.objects();
     report.objects = objects.size();
     const ObjectFiles files(folder);
     require_room_for(objects, impl_->objects, files, fs::file_size(snapshot.path()));
@@ -155,10 +172,7 @@ BackupReport Store::back_up(const fs::path& folder) const {
     report.copied = copied;
     report.copied_bytes = bytes;
     copy_models(this->folder(), folder, report);
-    // One transaction of the target: whole or not at all.
-    SQLite::Database target = open_checked(catalogue_path(folder), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    target.exec("PRAGMA synchronous = FULL");
-    SQLite::Backup(target, catalogue).executeStep();
+    snapshot.install();
   });
   sync_folder(folder);
   return report;

@@ -115,7 +115,7 @@ SQLite::Database create_catalogue(const fs::path& store_folder) {
         migrate(database);
         configure(database, store_folder);
       }
-      core::move_file_durably(made, path);
+      put_catalogue(made, store_folder);
     }
     SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
     configure(database, store_folder);
@@ -148,6 +148,16 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     }
     return database;
   });
+}
+
+void put_catalogue(const fs::path& made, const fs::path& store_folder) {
+  const fs::path path = catalogue_path(store_folder);
+  std::error_code none;
+  if (fs::exists(path.string() + "-wal", none)) {
+    throw core::StoreError(path.string() +
+                           "-wal: this log of a catalogue that is gone is in the way; move it to another folder");
+  }
+  core::move_file_durably(made, path);
 }
 
 void throw_if_newer(const fs::path& store_folder) {
