@@ -15,6 +15,10 @@ namespace {
 // digits.
 constexpr double kAxisTolerance = 1e-6;
 
+// Each is compared with all others.
+constexpr std::size_t kMostCameras = 256, kMostControllers = 256;
+constexpr std::size_t kMostLights = 100'000;
+
 std::string list(std::initializer_list<double> values) {
   std::string text = "[";
   for (const double value : values) text += (text.size() > 1 ? ", " : "") + toml_number(value);
@@ -181,16 +185,25 @@ LightLimits read_limits(const core::TomlTable& table) {
   return limits;
 }
 
+void require_at_most(const core::TomlTable& table, const std::string& key, std::size_t count, std::size_t most) {
+  if (count > most)
+    table.fail(key, "comes " + std::to_string(count) + " times; a stage has at most " + std::to_string(most));
+}
+
 Stage read_table(const core::TomlTable& table) {
   Stage stage;
   stage.name = name(table);
   stage.radius_m = positive(table, "radius_m");
   std::set<std::string> names;
-  for (const core::TomlTable& entry : table.tables("camera")) {
+  const std::vector<core::TomlTable> cameras = table.tables("camera"), lights = table.tables("light");
+  require_at_most(table, "camera", cameras.size(), kMostCameras);
+  require_at_most(table, "controller", table.tables("controller").size(), kMostControllers);
+  require_at_most(table, "light", lights.size(), kMostLights);
+  for (const core::TomlTable& entry : cameras) {
     stage.cameras.push_back(read_camera(entry));
     if (!names.insert(stage.cameras.back().name).second) entry.fail("name", "is another camera's already");
   }
-  for (const core::TomlTable& entry : table.tables("light")) {
+  for (const core::TomlTable& entry : lights) {
     const core::Vec3 position = vector(entry, "position_m");
     if (norm(position) == 0) entry.fail("position_m", "is the stage centre: a light there has no direction");
     stage.light_positions.push_back(position);

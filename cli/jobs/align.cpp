@@ -9,6 +9,7 @@
 #include "align/agreement.h"
 #include "align/subject_mask.h"
 #include "cli/jobs/provenance.h"
+#include "cli/jobs/stored_json.h"
 #include "cli/options.h"
 #include "core/disk_space.h"
 #include "core/error.h"
@@ -55,7 +56,7 @@ class CameraAlignment {
         dark_(db::dark_level(store, scan, camera)),
         flat_(db::flat_field(store, scan, camera)) {
     for (const db::Frame& frame : store.frames(scan.id, camera)) {
-      const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
+      const db::StepKind kind = db::step_of(scan, frame.step_index).kind;
       if (kind == db::StepKind::kTracking) tracked_steps_.insert(frame.step_index);
       if (kind == db::StepKind::kTracking)
         tracking_frames_.push_back({{frame, pose_time(scan, frame)}, {}, 0, {}, {}, {}});
@@ -219,10 +220,8 @@ class CameraAlignment {
     return {};
   }
 
-  db::StepKind kind_of(int step) const { return scan_.steps.at(std::size_t(step)).kind; }
-  int light_of(const TimedFrame& frame) const {
-    return *scan_.steps.at(std::size_t(frame.frame.step_index)).light_index;
-  }
+  db::StepKind kind_of(int step) const { return db::step_of(scan_, step).kind; }
+  int light_of(const TimedFrame& frame) const { return *db::step_of(scan_, frame.frame.step_index).light_index; }
 
   // Lights of which no frame is to be used.
   std::set<int> lost_lights() const {
@@ -349,20 +348,23 @@ class CameraAlignment {
 }  // namespace
 
 core::Nanoseconds pose_time(const db::Scan& scan, const db::Frame& frame) {
-  return frame.timestamp_ns + scan.steps.at(std::size_t(frame.step_index)).exposure_ns / 2;
+  return frame.timestamp_ns + db::step_of(scan, frame.step_index).exposure_ns / 2;
 }
 
 align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, const db::Product& alignment,
                                  const std::string& camera) {
   const std::vector<db::Frame> frames = store.frames(scan.id, camera);
-  const auto parameters = nlohmann::json::parse(alignment.parameters);
-  // Alignments stored before there was a choice went linearly, and excluded nothing.
-  align::MotionTrack motion(parameters.value("between", "linear") == to_string(align::Between::kCatmullRom)
-                                ? align::Between::kCatmullRom
-                                : align::Between::kLinear);
+  std::string between;
   std::set<int> excluded;
-  for (const auto& frame : parameters.value("excluded", nlohmann::json::array()))
-    excluded.insert(frame.at("step").get<int>());
+  reading_json("alignment " + std::to_string(alignment.id), [&] {
+    const auto parameters = nlohmann::json::parse(alignment.parameters);
+    // Alignments stored before there was a choice went linearly, and excluded nothing.
+    between = parameters.value("between", "linear");
+    for (const auto& frame : parameters.value("excluded", nlohmann::json::array()))
+      excluded.insert(frame.at("step").get<int>());
+  });
+  align::MotionTrack motion(between == to_string(align::Between::kCatmullRom) ? align::Between::kCatmullRom
+                                                                              : align::Between::kLinear);
   for (const db::ProductImage& image : alignment.images) {
     if (image.role != "flow" || excluded.contains(image.index)) continue;
     const auto frame =

@@ -94,7 +94,7 @@ void copy_models(const fs::path& from, const fs::path& to, BackupReport& report)
   std::error_code error;
   for (fs::recursive_directory_iterator entry(from / "models", error), end; !error && entry != end;
        entry.increment(error)) {
-    if (!entry->is_regular_file()) continue;
+    if (entry->is_symlink() || !entry->is_regular_file()) continue;  // what a link names is no part of the store
     const fs::path target = to / fs::relative(entry->path(), from);
     std::error_code none;
     if (fs::exists(target, none) && fs::file_size(target) == entry->file_size() &&

@@ -12,6 +12,7 @@
 #include "core/file.h"
 #include "core/file_lock.h"
 #include "core/scratch_folder.h"
+#include "db/store/foreign_catalogue.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
 #include "db/store/page_checks.h"
@@ -132,6 +133,10 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
                            store_folder.string() + "`");
   }
   return explaining(store_folder, [&] {
+    if (fs::is_symlink(path, none)) {
+      throw core::StoreError(path.string() +
+                             ": is a symbolic link; a store's catalogue lies in the store's own folder");
+    }
     const std::optional<Identity> identity = fs::is_regular_file(path, none) ? look_at(path) : std::nullopt;
     if (!identity || identity->application_id != kApplicationId) {
       throw core::StoreError(path.string() + ": this file is not a Lightstage store");
@@ -141,6 +146,8 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     // Once more: another program may have migrated it since the look.
     const int version = database.execAndGet("PRAGMA user_version").getInt();
     refuse_newer(store_folder, version);
+    distrust(database);
+    require_own_schema(database, store_folder);
     configure(database, store_folder);
     if (version < schema_version()) {
       if (!has_page_checks(database)) renew_page_checks(database);

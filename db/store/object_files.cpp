@@ -40,6 +40,12 @@ template <class Write>
 void ObjectFiles::place(const ContentHash& hash, const Write& write) const {
   const fs::path target = path(hash);
   try {
+    // Links that came with a stranger's store would be written through.
+    if (fs::is_symlink(target.parent_path())) {
+      throw core::StoreError(target.parent_path().string() +
+                             ": is a symbolic link; objects lie in the store's own folders");
+    }
+    if (fs::is_symlink(target)) fs::remove(target);
     fs::create_directories(target.parent_path());
     write(target);
     // Whoever made the folder may not have come to this line yet. Of a folder that has not changed it costs next to nothing.

@@ -139,12 +139,14 @@ TEST_CASE_METHOD(Fixture, "the log of a catalogue that is gone is not taken for 
 TEST_CASE_METHOD(Fixture, "an interrupted backup leaves the earlier one whole, and goes on") {
   store.back_up(folder / "backup");
   add_pass(store, "second");
-  // A folder where an object belongs: copying fails there, as it does on a full disk.
-  const fs::path blocked =
-      folder / "backup/objects" /
-      fs::relative(store.object_path(store.frames(store.scan("second").id)[3].object), folder / "store/objects");
-  fs::create_directories(blocked.parent_path());
-  fs::create_symlink("/nowhere/at/all", blocked);
+  // A file where an object's folder belongs: copying fails there, as it does on a full disk.
+  fs::path blocked;
+  for (const db::Frame& frame : store.frames(store.scan("second").id)) {
+    const fs::path object = fs::relative(store.object_path(frame.object), folder / "store/objects");
+    blocked = folder / "backup/objects" / object.parent_path();
+    if (!fs::exists(blocked)) break;
+  }
+  test::write_text(blocked, "in the way");
   CHECK_THROWS_AS(store.back_up(folder / "backup"), core::StoreError);
   {
     const db::Store backup = db::Store::open(folder / "backup");
