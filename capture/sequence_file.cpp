@@ -1,5 +1,6 @@
 // Sequence files: TOML out and in.
 #include <limits>
+#include <set>
 
 #include "capture/sequence.h"
 #include "capture/toml/number.h"
@@ -49,10 +50,10 @@ int read_light(const core::TomlTable& table, std::string_view key, double light,
 
 std::string read_pattern(const core::TomlTable& table, std::size_t light_count) {
   std::vector<LightLevel> pattern;
+  std::set<int> lit;
   for (const core::TomlTable& entry : table.tables("level")) {
     const int light = read_light(entry, "light", static_cast<double>(entry.integer("light")), light_count);
-    const auto same_light = [light](const LightLevel& l) { return l.light_index == light; };
-    if (std::any_of(pattern.begin(), pattern.end(), same_light)) entry.fail("light", "is in this pattern already");
+    if (!lit.insert(light).second) entry.fail("light", "is in this pattern already");
     const std::vector<double> rgb = entry.numbers("rgb", 3);
     if (std::any_of(rgb.begin(), rgb.end(), [](double v) { return v < 0 || v > 1; })) {
       entry.fail("rgb", "must hold levels from 0 to 1");

@@ -11,6 +11,7 @@
 #include "capture/session/pipelined.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/progress.h"
 #include "core/text.h"
 
 namespace lightstage::capture {
@@ -37,7 +38,7 @@ void check(const db::Scan& scan, const Sequence& sequence, const Rig& rig, const
   check_rig(what, sequence, rig, options);
 }
 
-void show(const SessionOptions& options, const std::vector<KeptFrame>& frames) {
+void show(const SessionOptions& options, std::span<const KeptFrame> frames) {
   if (!options.on_frame) return;
   for (const KeptFrame& kept : frames) options.on_frame(*kept.step, kept.camera, kept.frame);
 }
@@ -90,21 +91,55 @@ void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options) {
   check(scan, sequence, rig, options);
-  Pass::Stored stored;
-  for (const db::Frame& frame : store.frames(scan.id)) stored.emplace(frame.step_index, frame.camera);
+  const auto stored_frames = [&] {
+    Pass::Stored stored;
+    for (const db::Frame& frame : store.frames(scan.id)) stored.emplace(frame.step_index, frame.camera);
+    return stored;
+  };
+  const auto explaining = [](const KeptFrame& kept, const auto& work) {
+    try {
+      work();
+    } catch (const core::BadInput& no_picture) {
+      throw core::BadInput("camera '" + kept.camera + "', " + describe(*kept.step) + ": " + no_picture.what());
+    }
+  };
   FrameKeeper::Target target;
   target.write = [&](KeptFrame& kept) {
-    kept.unsynced = store.begin_frame({scan.id, kept.camera, kept.step->step_index, kept.frame.timestamp,
-                                       kept.frame.sequence_number, kept.attempt, kept.frame.saturation},
-                                      kept.frame.image);
+    explaining(kept, [&] {
+      kept.unsynced = store.begin_frame({scan.id, kept.camera, kept.step->step_index, kept.frame.timestamp,
+                                         kept.frame.sequence_number, kept.attempt, kept.frame.saturation},
+                                        kept.frame.image);
+    });
   };
-  target.store = [&](std::vector<KeptFrame>& frames) {
+  const auto finish = [&](std::span<KeptFrame> frames) {
     std::vector<db::UnsyncedFrame> unsynced;
     for (KeptFrame& kept : frames) unsynced.push_back(*std::exchange(kept.unsynced, std::nullopt));
     store.finish_frames(std::move(unsynced));
     show(options, frames);
   };
-  return take_all(scan.name, sequence, rig, options, std::move(stored), std::move(target));
+  target.store = [&](std::vector<KeptFrame>& frames) {
+    try {
+      finish(frames);
+    } catch (const core::BadInput&) {  // of a picture that does not fit in: those before it are kept
+      for (KeptFrame& kept : frames) {
+        target.write(kept);
+        explaining(kept, [&] { finish({&kept, 1}); });
+      }
+    }
+  };
+  const std::size_t before = stored_frames().size();
+  for (int attempt = 1;; ++attempt) {
+    try {
+      SessionReport report = take_all(scan.name, sequence, rig, options, stored_frames(), target);
+      report.already_stored = before;
+      report.stored = stored_frames().size() - before;
+      report.retaken += std::size_t(attempt) - 1;
+      return report;
+    } catch (const core::BadInput& refused) {
+      if (attempt >= options.attempts) throw core::DeviceError(refused.what());
+      core::warn(std::string(refused.what()) + "; it is taken again");
+    }
+  }
 }
 
 SessionReport dry_run(const Sequence& sequence, const Rig& rig, const SessionOptions& options) {

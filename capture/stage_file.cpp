@@ -15,6 +15,10 @@ namespace {
 // digits.
 constexpr double kAxisTolerance = 1e-6;
 
+// Each is compared with all others.
+constexpr std::size_t kMostCameras = 256, kMostControllers = 256;
+constexpr std::size_t kMostLights = 100'000;
+
 std::string list(std::initializer_list<double> values) {
   std::string text = "[";
   for (const double value : values) text += (text.size() > 1 ? ", " : "") + toml_number(value);
@@ -50,6 +54,20 @@ void append_simulation(std::string& text, const StageSimulation& simulation) {
     text += (i > 0 ? ", " : "") + std::to_string(simulation.dead_lights[i]);
   }
   text += "]\n";
+}
+
+void append_limits(std::string& text, const LightLimits& limits) {
+  text +=
+      "\n# What the lights may do. Flashes: at most so many a second as the band begins with, counted from so small a "
+      "share of full\n"
+      "# light on, over so large a share of the lights. Heat: share of the time, and seconds without a break (0: "
+      "any).\n[limits]\n";
+  text += "strobe_band_hz = " + list({limits.strobe_from_hz, limits.strobe_to_hz}) + "\n";
+  text += "strobe_share = " + toml_number(limits.strobe_share) + "\n";
+  text += "strobe_area = " + toml_number(limits.strobe_area) + "\n";
+  text += "duty = " + toml_number(limits.duty) + "\n";
+  text += "duty_window_s = " + toml_number(limits.duty_window_s) + "\n";
+  text += "on_time_s = " + toml_number(limits.on_time_s) + "\n";
 }
 
 double positive(const core::TomlTable& table, std::string_view key) {
@@ -141,20 +159,56 @@ StageSimulation read_simulation(const core::TomlTable& table, std::size_t light_
   return simulation;
 }
 
+double within(const core::TomlTable& table, std::string_view key, double default_value, double least, double most) {
+  const double value = table.number(key, default_value);
+  if (!(value >= least && value <= most)) {
+    table.fail(key, "must be " + toml_number(least) + " to " + toml_number(most));
+  }
+  return value;
+}
+
+LightLimits read_limits(const core::TomlTable& table) {
+  LightLimits limits;
+  if (table.has("strobe_band_hz")) {
+    const std::vector<double> band = table.numbers("strobe_band_hz", 2);
+    if (!(band[0] >= 1 && band[0] < band[1] && band[1] <= 1000)) {
+      table.fail("strobe_band_hz", "must be two rising numbers from 1 to 1000");
+    }
+    limits.strobe_from_hz = band[0];
+    limits.strobe_to_hz = band[1];
+  }
+  limits.strobe_share = within(table, "strobe_share", limits.strobe_share, 0.001, 1);
+  limits.strobe_area = within(table, "strobe_area", limits.strobe_area, 0.001, 1);
+  limits.duty = within(table, "duty", limits.duty, 0.001, 1);
+  limits.duty_window_s = within(table, "duty_window_s", limits.duty_window_s, 0.001, 86400);
+  limits.on_time_s = within(table, "on_time_s", limits.on_time_s, 0, 86400);
+  return limits;
+}
+
+void require_at_most(const core::TomlTable& table, const std::string& key, std::size_t count, std::size_t most) {
+  if (count > most)
+    table.fail(key, "comes " + std::to_string(count) + " times; a stage has at most " + std::to_string(most));
+}
+
 Stage read_table(const core::TomlTable& table) {
   Stage stage;
   stage.name = name(table);
   stage.radius_m = positive(table, "radius_m");
   std::set<std::string> names;
-  for (const core::TomlTable& entry : table.tables("camera")) {
+  const std::vector<core::TomlTable> cameras = table.tables("camera"), lights = table.tables("light");
+  require_at_most(table, "camera", cameras.size(), kMostCameras);
+  require_at_most(table, "controller", table.tables("controller").size(), kMostControllers);
+  require_at_most(table, "light", lights.size(), kMostLights);
+  for (const core::TomlTable& entry : cameras) {
     stage.cameras.push_back(read_camera(entry));
     if (!names.insert(stage.cameras.back().name).second) entry.fail("name", "is another camera's already");
   }
-  for (const core::TomlTable& entry : table.tables("light")) {
+  for (const core::TomlTable& entry : lights) {
     const core::Vec3 position = vector(entry, "position_m");
     if (norm(position) == 0) entry.fail("position_m", "is the stage centre: a light there has no direction");
     stage.light_positions.push_back(position);
   }
+  if (const auto limits = table.optional_table("limits")) stage.limits = read_limits(*limits);
   if (const auto simulation = table.optional_table("simulation")) {
     stage.simulation = read_simulation(*simulation, stage.light_positions.size());
   }
@@ -195,6 +249,7 @@ std::string to_toml(const Stage& stage) {
       "frame.\n";
   text += "name = \"" + stage.name + "\"\n";
   text += "radius_m = " + toml_number(stage.radius_m) + "\n";
+  append_limits(text, stage.limits);
   text += controllers_and_lines_toml(stage.hardware);
   for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
     text += to_toml(stage.cameras[i]);

@@ -20,7 +20,12 @@ class Context {
   bool quiet = false;                  // --quiet
   int threads = 0;                     // --threads; 0: as many as this process may use
 
-  db::Store open_store() const { return db::Store::open(store_folder); }
+  // A stranger's store may be given to any command, so what it says is looked over first.
+  db::Store open_store() const {
+    db::Store store = db::Store::open(store_folder);
+    store.require_sound_catalogue();
+    return store;
+  }
 
   // A command's result: `text` for people, or `object` on one line with --json. Progress and warnings go to stderr.
   void result(const std::string& text, const nlohmann::ordered_json& object) const;

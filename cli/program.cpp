@@ -11,6 +11,7 @@
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/printable.h"
 #include "core/progress.h"
 #include "core/text.h"
 #include "core/version.h"
@@ -19,9 +20,13 @@ namespace lightstage::cli {
 
 void Context::result(const std::string& text, const nlohmann::ordered_json& object) const {
   if (json) {
-    out_ << json_text(object) << std::endl;
+    const std::string line = json_text(object);
+    // Control characters beyond those that JSON itself escapes.
+    const bool shows_all = core::printable(line) == line;
+    out_ << (shows_all ? line : object.dump(-1, ' ', true, nlohmann::ordered_json::error_handler_t::replace))
+         << std::endl;
   } else {
-    out_ << text << std::flush;
+    out_ << core::printable_lines(text) << std::flush;
   }
 }
 
@@ -136,36 +141,27 @@ void run_or_throw(const std::vector<std::string>& arguments, std::ostream& out) 
   }
 }
 
-namespace {
-
-// Names that users give may hold anything; a message is one line all the same.
-std::string on_one_line(const std::string& message) {
-  std::string line;
-  for (const char c : message) {
-    if (c == '\n') {
-      line += "\\n";
-    } else {
-      line += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
-    }
-  }
-  return line;
-}
-
-}  // namespace
-
 int run(const std::vector<std::string>& arguments, std::ostream& out) {
   try {
     run_or_throw(arguments, out);
     return 0;
   } catch (const core::Error& error) {
-    std::cerr << "lightstage: " << on_one_line(error.what()) << "\n";
+    std::cerr << "lightstage: " << core::printable(error.what()) << "\n";
     return core::exit_code(error.kind());
+  } catch (const std::filesystem::filesystem_error& error) {
+    // A path that the system refuses to look at: too long, through a file, or not permitted.
+    std::cerr << "lightstage: " << core::printable(error.path1().string() + ": " + error.code().message()) << "\n";
+    return core::exit_code(core::ErrorKind::kBadInput);
+  } catch (const nlohmann::json::exception& error) {
+    std::cerr << "lightstage: the store holds JSON that is not as this program writes it: "
+              << core::printable(error.what()) << "\n";
+    return core::exit_code(core::ErrorKind::kStore);
   } catch (const std::bad_alloc&) {
     std::cerr
         << "lightstage: out of memory; what this command had not finished is left as it was or can be gone on with\n";
     return core::exit_code(core::ErrorKind::kInternal);
   } catch (const std::exception& error) {
-    std::cerr << "lightstage: internal error: " << on_one_line(error.what()) << "\n";
+    std::cerr << "lightstage: internal error: " << core::printable(error.what()) << "\n";
     return core::exit_code(core::ErrorKind::kInternal);
   }
 }

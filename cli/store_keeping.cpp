@@ -25,7 +25,7 @@ std::string megabytes(std::uint64_t bytes) {
 }
 
 void verify(const db::VerifyOptions& options, Context& context) {
-  const db::Store store = context.open_store();
+  const db::Store store = db::Store::open(context.store_folder);  // whatever state it is in
   const db::VerifyReport report = store.verify(options);
   std::string text = std::to_string(report.frames) + " frames, " + std::to_string(report.objects) + " objects: " +
                      (report.errors.empty() ? "all sound" : std::to_string(report.errors.size()) + " errors") + "\n";
@@ -70,7 +70,7 @@ struct RepairOptions {
 void repair(const RepairOptions& options, Context& context) {
   const db::CatalogueRepair catalogue =
       db::Store::repair_catalogue(context.store_folder, options.backups, options.accept_catalogue);
-  db::Store store = context.open_store();
+  db::Store store = db::Store::open(context.store_folder);
   const db::RepairReport report = store.repair(options.backups);
   std::string text;
   if (!catalogue.damaged_copy.empty()) {

@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "core/nesting.h"
 #include "core/text.h"
 
 namespace lightstage::core {
@@ -94,6 +95,10 @@ TomlTable TomlTable::read_file(const std::filesystem::path& path) {
 }
 
 TomlTable TomlTable::parse(std::string_view text, const std::string& source_name) {
+  if (const int line = line_of_longer_key(text, kMostKeyParts)) {
+    throw BadInput(source_name + ":" + std::to_string(line) + ": a key has more than " + std::to_string(kMostKeyParts) +
+                   " parts");
+  }
   auto node = std::make_shared<Node>();
   try {
     node->document = std::make_shared<const toml::table>(toml::parse(text, source_name));

@@ -11,6 +11,7 @@
 #include <new>
 
 #include "core/clock.h"
+#include "core/printable.h"
 #include "core/progress_bar/line.h"
 
 namespace lightstage::core {
@@ -45,7 +46,7 @@ class Console {
   void print_line(std::string_view line) {
     const std::lock_guard lock(mutex_);
     std::string text = bar_.empty() ? "" : "\r\x1b[K";
-    text += line;
+    text += printable_lines(line);
     text += '\n';
     write_to_stderr(text + bar_);
   }
@@ -128,7 +129,7 @@ struct Progress::State {
 };
 
 Progress::Progress(std::string label, std::size_t total) : state_(std::make_unique<State>()) {
-  state_->label = std::move(label);
+  state_->label = printable(label);
   state_->total = total;
   // A log needs no line about work that has only begun.
   state_->next_show = state_->start + (Console::is_terminal() ? 0 : kLineInterval);
@@ -155,7 +156,7 @@ void Progress::advance(std::size_t n) {
 void Progress::set_status(std::string_view text) {
   {
     const std::lock_guard lock(state_->status_mutex);
-    state_->status = text;
+    state_->status = printable(text);
   }
   state_->show_if_due();
 }

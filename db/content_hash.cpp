@@ -7,6 +7,7 @@
 #include <xxhash.h>
 
 #include "core/error.h"
+#include "core/printable.h"
 
 namespace lightstage::db {
 namespace {
@@ -48,7 +49,7 @@ ContentHash ContentHash::from_hex(std::string_view text) {
     sound = high >= 0 && low >= 0;
     hash.bytes[i] = std::uint8_t(16 * high + low);
   }
-  if (!sound) throw core::StoreError("'" + std::string(text) + "' is not an object's name (32 hexadecimal digits)");
+  if (!sound) throw core::StoreError(core::quoted(text) + " is not an object's name (32 hexadecimal digits)");
   return hash;
 }
 

@@ -59,6 +59,9 @@ struct Scan : NewScan {
   std::string program_version;
 };
 
+// The step of this index. Throws StoreError when the scan has none, which only a damaged or foreign catalogue can say of a frame.
+const Step& step_of(const Scan& scan, int step_index);
+
 struct NewFrame {
   Id scan_id = 0;
   std::string camera;
@@ -191,6 +194,10 @@ class Store {
   // at once when it returns, and nothing of it stays when it throws (objects' files apart, which are
   // harmless). May be nested. Other writers wait meanwhile, so put objects first and add only rows in here.
   void atomically(const std::function<void()>& work);
+
+  // Throws StoreError when a quick check of the catalogue's pages and rows finds something, as it does in one that was damaged or made by somebody who
+  // means harm. Catalogues of more than 4 MiB are not checked here, but by verify().
+  void require_sound_catalogue() const;
 
   // Throws StoreError when the store can only be read (a disk mounted read-only, another owner): to know before long work.
   void require_writable() const;

@@ -8,6 +8,8 @@
 #include "core/config.h"
 #include "core/error.h"
 #include "core/file.h"
+#include "core/foreign_path.h"
+#include "core/printable.h"
 #include "core/text.h"
 
 namespace lightstage::relight {
@@ -100,6 +102,9 @@ RigLight light_in(const TomlTable& table, const Keys& keys) {
 RigEnvironment environment_in(const TomlTable& table, const Keys& keys, const std::filesystem::path& folder) {
   const std::string file = table.string("file");
   if (file.empty()) table.fail("file", "must name a lat-long environment map");
+  if (const auto objection = core::objection_to_name(folder, file)) {
+    table.fail("file", "names " + core::quoted(file) + ", which " + *objection + " of the rig");
+  }
   return {folder / file, animated<double>(table, keys, "rotate_deg", 0.0, number_from(-1e6, 1e6)),
           animated<double>(table, keys, "exposure_ev", 0.0, number_from(-60, 60))};
 }

@@ -69,6 +69,9 @@ Pass::Triggered Pass::trigger() {
   result.called = now();
   cameras_ready_ = result.called + period + period / 50 + core::kMillisecond / 2;
   result.triggered = rig_.trigger->fire();
+  if (result.triggered < result.called || result.triggered > now()) {
+    throw core::DeviceError("the trigger says that it fired at a time at which it was not asked to");
+  }
   return result;
 }
 

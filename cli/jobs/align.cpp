@@ -9,11 +9,14 @@
 #include "align/agreement.h"
 #include "align/subject_mask.h"
 #include "cli/jobs/provenance.h"
+#include "cli/jobs/stored_json.h"
 #include "cli/options.h"
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "db/object_room.h"
 #include "db/scan_loader.h"
 
 namespace lightstage::cli {
@@ -53,7 +56,7 @@ class CameraAlignment {
         dark_(db::dark_level(store, scan, camera)),
         flat_(db::flat_field(store, scan, camera)) {
     for (const db::Frame& frame : store.frames(scan.id, camera)) {
-      const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
+      const db::StepKind kind = db::step_of(scan, frame.step_index).kind;
       if (kind == db::StepKind::kTracking) tracked_steps_.insert(frame.step_index);
       if (kind == db::StepKind::kTracking)
         tracking_frames_.push_back({{frame, pose_time(scan, frame)}, {}, 0, {}, {}, {}});
@@ -217,10 +220,8 @@ class CameraAlignment {
     return {};
   }
 
-  db::StepKind kind_of(int step) const { return scan_.steps.at(std::size_t(step)).kind; }
-  int light_of(const TimedFrame& frame) const {
-    return *scan_.steps.at(std::size_t(frame.frame.step_index)).light_index;
-  }
+  db::StepKind kind_of(int step) const { return db::step_of(scan_, step).kind; }
+  int light_of(const TimedFrame& frame) const { return *db::step_of(scan_, frame.frame.step_index).light_index; }
 
   // Lights of which no frame is to be used.
   std::set<int> lost_lights() const {
@@ -347,20 +348,23 @@ class CameraAlignment {
 }  // namespace
 
 core::Nanoseconds pose_time(const db::Scan& scan, const db::Frame& frame) {
-  return frame.timestamp_ns + scan.steps.at(std::size_t(frame.step_index)).exposure_ns / 2;
+  return frame.timestamp_ns + db::step_of(scan, frame.step_index).exposure_ns / 2;
 }
 
 align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, const db::Product& alignment,
                                  const std::string& camera) {
   const std::vector<db::Frame> frames = store.frames(scan.id, camera);
-  const auto parameters = nlohmann::json::parse(alignment.parameters);
-  // Alignments stored before there was a choice went linearly, and excluded nothing.
-  align::MotionTrack motion(parameters.value("between", "linear") == to_string(align::Between::kCatmullRom)
-                                ? align::Between::kCatmullRom
-                                : align::Between::kLinear);
+  std::string between;
   std::set<int> excluded;
-  for (const auto& frame : parameters.value("excluded", nlohmann::json::array()))
-    excluded.insert(frame.at("step").get<int>());
+  reading_json("alignment " + std::to_string(alignment.id), [&] {
+    const auto parameters = nlohmann::json::parse(alignment.parameters);
+    // Alignments stored before there was a choice went linearly, and excluded nothing.
+    between = parameters.value("between", "linear");
+    for (const auto& frame : parameters.value("excluded", nlohmann::json::array()))
+      excluded.insert(frame.at("step").get<int>());
+  });
+  align::MotionTrack motion(between == to_string(align::Between::kCatmullRom) ? align::Between::kCatmullRom
+                                                                              : align::Between::kLinear);
   for (const db::ProductImage& image : alignment.images) {
     if (image.role != "flow" || excluded.contains(image.index)) continue;
     const auto frame =
@@ -368,6 +372,18 @@ align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, c
     if (frame != frames.end()) motion.add(pose_time(scan, *frame), store.object(image.object));
   }
   return motion;
+}
+
+void require_room_for_alignment(const db::Store& store, const db::Scan& scan) {
+  std::uintmax_t bytes = 0;
+  for (const std::string& camera : scan.cameras) {
+    for (const db::Frame& frame : store.frames(scan.id, camera)) {
+      const core::ImageSize size = store.object_size(frame.object);
+      // The picture, or of a tracking frame the flow, and the confidence.
+      bytes += db::most_bytes(size) + db::most_bytes({size.height, size.width, 1});
+    }
+  }
+  core::require_room(store.folder(), bytes, "aligning '" + scan.name + "'");
 }
 
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options) {
@@ -378,6 +394,7 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                            "' has no tracking frames to align by; capture with --tracking-every, or give --robust, "
                            "which registers pictures under different lights and is weaker");
   }
+  require_room_for_alignment(store, scan);
   AlignReport report;
   std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {

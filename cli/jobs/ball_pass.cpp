@@ -42,7 +42,7 @@ BallView view_ball(const db::Store& store, const db::Scan& scan, const capture::
   const std::string where = "scan '" + scan.name + "', camera '" + camera.name + "', full-on frame";
   std::optional<core::Image> full_on;
   for (const db::Frame& frame : store.frames(scan.id, camera.name)) {
-    const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
+    const db::Step& step = db::step_of(scan, frame.step_index);
     if (step.kind == db::StepKind::kFullOn) {
       full_on = db::load_frame(store, frame, view.dark, view.flat);
       require_not_overexposed(*full_on, frame.saturation, where);

@@ -10,6 +10,8 @@
 #include "cli/jobs/picture_folder.h"
 #include "core/config.h"
 #include "core/error.h"
+#include "core/foreign_path.h"
+#include "core/printable.h"
 
 namespace lightstage::cli {
 
@@ -83,6 +85,15 @@ NamedCamera read_camera(const core::TomlTable& table) {
   return camera;
 }
 
+// A file or folder that the description names, below the folder of the pictures.
+fs::path below(const fs::path& folder, const core::TomlTable& table, const char* key) {
+  const std::string name = table.string(key);
+  if (const auto objection = core::objection_to_name(folder, name)) {
+    table.fail(key, "names " + core::quoted(name) + ", which " + *objection);
+  }
+  return folder / name;
+}
+
 // What the description says of one view of a ball.
 struct BallEntry {
   BallInPictures view;
@@ -97,7 +108,7 @@ BallEntry read_ball(const core::TomlTable& table, const fs::path& folder, const 
                     std::size_t index) {
   BallEntry entry;
   entry.view.ball = table.string("name", "ball " + std::to_string(index + 1));
-  entry.view.folder = table.has("folder") ? folder / table.string("folder") : folder;
+  entry.view.folder = table.has("folder") ? below(folder, table, "folder") : folder;
   if (!cameras.empty()) {
     const std::string name = table.string("camera", cameras.front().name);
     const auto camera = std::find_if(cameras.begin(), cameras.end(), [&](const auto& c) { return c.name == name; });
@@ -124,7 +135,7 @@ BallEntry read_ball(const core::TomlTable& table, const fs::path& folder, const 
   if (!(entry.sigma_px > 0)) table.fail("circle_sigma_px", "must be above 0");
   if (table.has("outline")) {
     if (entry.circle) table.fail("outline", "and 'circle' both say where the ball is: leave one out");
-    entry.outline = entry.view.folder / table.string("outline");
+    entry.outline = below(entry.view.folder, table, "outline");
   }
   return entry;
 }
@@ -256,6 +267,10 @@ BallPictures find_balls(const fs::path& folder, const std::optional<fs::path>& d
       if (twice) ball.fail("name", "'" + view.ball + "' is described twice; only other cameras see a ball again");
     }
     if (entries.empty() && !cameras.empty()) table.fail("ball", "is missing: a camera alone shows no light");
+    if (pictures.dark) {
+      below(folder, table, "dark");
+      for (const BallEntry& entry : entries) below(entry.view.folder, table, "dark");
+    }
     table.finish();
   }
   if (entries.empty()) {

@@ -111,7 +111,7 @@ BoardPictures board_passes(const db::Store& store, const std::vector<std::string
     result.scans.push_back(scan.id);
     std::map<int, std::size_t> instant_of_step;
     for (const db::Frame& frame : store.frames(scan.id)) {
-      const db::StepKind kind = scan.steps.at(std::size_t(frame.step_index)).kind;
+      const db::StepKind kind = db::step_of(scan, frame.step_index).kind;
       if (kind == db::StepKind::kDark || kind == db::StepKind::kLight) continue;
       const auto camera = std::find_if(result.cameras.begin(), result.cameras.end(),
                                        [&](const auto& c) { return c.name == frame.camera; });

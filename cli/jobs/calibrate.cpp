@@ -8,6 +8,7 @@
 #include "calib/light_gain.h"
 #include "cli/jobs/ball_pass.h"
 #include "cli/jobs/stage_cameras.h"
+#include "cli/jobs/stored_json.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/interrupt.h"
@@ -156,7 +157,11 @@ void keep_gains(const db::Store& store, db::NewProduct& product, CalibrateReport
   const nlohmann::json parameters = nlohmann::json::parse(before->parameters, nullptr, false);
   const auto measured = parameters.is_object() ? parameters.find("gains_measured") : parameters.end();
   if (!parameters.is_object() || measured == parameters.end() || *measured != true) return;
-  const std::map<int, double> sigmas = parameters.value("gain_sigma", std::map<int, double>{});
+  std::map<int, double> sigmas;
+  reading_json("calibration " + std::to_string(before->id), [&] {
+    sigmas = parameters.value("gain_sigma", sigmas);
+    albedo = parameters.value("grey_albedo", albedo);
+  });
   const std::vector<db::CalibratedLight> earlier = store.calibrated_lights(before->id);
   for (db::CalibratedLight& light : report.lights) {
     const auto same = std::find_if(earlier.begin(), earlier.end(), [&](const db::CalibratedLight& e) {
@@ -167,7 +172,6 @@ void keep_gains(const db::Store& store, db::NewProduct& product, CalibrateReport
     const auto sigma = sigmas.find(light.light_index);
     if (sigma != sigmas.end()) report.gain_sigma.insert(*sigma);
   }
-  albedo = parameters.value("grey_albedo", albedo);
   product.input_products.push_back(before->id);
   report.gains_from = before->created_utc;
 }

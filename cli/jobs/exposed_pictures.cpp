@@ -7,6 +7,7 @@
 
 #include "cli/options.h"
 #include "core/file.h"
+#include "core/foreign_path.h"
 #include "core/text.h"
 
 namespace lightstage::cli {
@@ -70,7 +71,7 @@ void read_csv(const std::filesystem::path& path, ExposedPictures& pictures) {
     const std::optional<double> seconds = seconds_of(fields[1]);
     if (!seconds && line_number == 1) continue;  // the names of the columns
     if (!seconds) throw core::BadInput(place + ": '" + std::string(fields[1]) + "' is no exposure time in seconds");
-    pictures.files.push_back(path.parent_path() / std::string(core::trim(fields[0])));
+    pictures.files.push_back(core::path_inside(path.parent_path(), core::trim(fields[0]), place));
     pictures.seconds.push_back(*seconds);
   }
   if (pictures.files.empty()) throw core::BadInput(path.string() + ": names no picture; a line must be `file,seconds`");

@@ -78,7 +78,7 @@ calib::FlatField flat_from_pass(const db::Store& store, const db::Scan& scan, co
   for (const db::Frame& frame : frames) {
     core::throw_if_interrupted();
     progress.advance();
-    const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
+    const db::Step& step = db::step_of(scan, frame.step_index);
     const auto light = step.kind == db::StepKind::kLight ? positions.find(*step.light_index) : positions.end();
     if (light == positions.end() || dot(normal, light->second) < kLeastCosine * norm(light->second)) continue;
     core::Image image = db::load_frame(store, frame, dark);

@@ -4,6 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "cli/jobs/stored_json.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/text.h"
@@ -17,6 +18,7 @@ std::string to_json(const CaptureProvenance& provenance) {
                     {"sequence_toml", capture::to_toml(provenance.sequence)}};
   if (provenance.pass_steps < provenance.sequence.steps.size()) json["pass_steps"] = provenance.pass_steps;
   if (provenance.simulation) json["simulation"] = ordered_json::parse(sim::to_json(*provenance.simulation));
+  if (!provenance.exceeded_limits.empty()) json["i_know"] = provenance.exceeded_limits;
   return json_text(json);
 }
 
@@ -34,19 +36,24 @@ CaptureProvenance capture_provenance(const db::Scan& scan) {
   if (!json.is_object() || !json.contains("stage_toml") || !json.contains("sequence_toml")) {
     throw core::StoreError(where + " is damaged: it names no stage and sequence");
   }
-  CaptureProvenance provenance;
-  provenance.stage = capture::parse_stage(json["stage_toml"].get<std::string>(), where);
-  provenance.sequence =
-      capture::parse_sequence(json["sequence_toml"].get<std::string>(), where, provenance.stage.light_positions.size());
-  provenance.pass_steps = json.value("pass_steps", provenance.sequence.steps.size());
-  if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
-  return provenance;
+  return reading_json(where, [&] {
+    CaptureProvenance provenance;
+    provenance.stage = capture::parse_stage(json["stage_toml"].get<std::string>(), where);
+    provenance.sequence = capture::parse_sequence(json["sequence_toml"].get<std::string>(), where,
+                                                  provenance.stage.light_positions.size());
+    provenance.pass_steps = json.value("pass_steps", provenance.sequence.steps.size());
+    provenance.exceeded_limits = json.value("i_know", std::vector<std::string>());
+    if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
+    return provenance;
+  });
 }
 
 int key_step(const db::Scan& scan) {
   const ordered_json json = ordered_json::parse(scan.provenance, nullptr, false);
   std::vector<db::Step> pass = scan.steps;
-  if (json.is_object()) pass.resize(std::min(pass.size(), json.value("pass_steps", pass.size())));
+  reading_json("provenance of scan '" + scan.name + "'", [&] {
+    if (json.is_object()) pass.resize(std::min(pass.size(), json.value("pass_steps", pass.size())));
+  });
   return capture::key_step(pass);
 }
 

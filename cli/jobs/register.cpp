@@ -75,7 +75,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
   core::Image seen;  // 1 where every frame that is used shows something
   for (const db::Frame& frame : store.frames(scan.id, camera)) {
     core::throw_if_interrupted();
-    const db::Step& step = scan.steps.at(std::size_t(frame.step_index));
+    const db::Step& step = db::step_of(scan, frame.step_index);
     if (step.kind != db::StepKind::kLight) continue;
     const auto place = place_of_light.find(*step.light_index);
     const std::string objection =
@@ -110,6 +110,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
 }  // namespace
 
 RegisterReport register_scan(db::Store& store, const db::Scan& scan) {
+  require_room_for_alignment(store, scan);
   RegisterReport report;
   std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {

@@ -8,6 +8,7 @@
 
 #include "capture/stage.h"
 #include "cli/jobs/provenance.h"
+#include "cli/jobs/stored_json.h"
 #include "core/error.h"
 #include "core/progress.h"
 #include "core/text.h"
@@ -28,7 +29,8 @@ db::LoadedScan load_scan(const db::Store& store, const std::string& name, const 
 }
 
 std::filesystem::path weights_file(const db::Product& weights) {
-  return nlohmann::json::parse(weights.parameters).value("file", std::string());
+  return reading_json("weights " + std::to_string(weights.id),
+                      [&] { return nlohmann::json::parse(weights.parameters).value("file", std::string()); });
 }
 
 std::optional<std::filesystem::path> file_or_shipped_model(const std::string& file_or_name) {
@@ -92,7 +94,9 @@ std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id
     try {
       const model::CheckpointInfo info = model::read_checkpoint_info(file);
       if (filter.architecture && info.config.architecture != *filter.architecture) continue;
-      const auto found = objection(nlohmann::json::parse(model->parameters), file, info, filter);
+      const auto found = reading_json("weights " + std::to_string(model->id), [&] {
+        return objection(nlohmann::json::parse(model->parameters), file, info, filter);
+      });
       if (!found) return file;
       problem = file.string() + ": " + *found;
     } catch (const core::Error& error) {

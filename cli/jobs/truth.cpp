@@ -120,6 +120,10 @@ SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& 
     if (image.role != "aligned") continue;
     const auto frame =
         std::find_if(frames.begin(), frames.end(), [&](const db::Frame& f) { return f.step_index == image.index; });
+    if (frame == frames.end() || !db::step_of(scan_, image.index).light_index) {
+      throw core::StoreError("alignment " + std::to_string(alignment->id) + " of scan '" + scan_.name +
+                             "' is damaged: it aligns step " + std::to_string(image.index) + ", which shows no light");
+    }
     const core::Nanoseconds time = pose_time(scan_, *frame);
     const core::Image truth = world_.true_flow(camera_.model, key_time_, time);
     const align::FlowField found = motion.at(time);
@@ -129,7 +133,7 @@ SimulatedTruth::AlignmentError SimulatedTruth::alignment_error(const db::Store& 
         end_point_errors.push_back(std::hypot(truth(y, x, 0) - found(y, x, 0), truth(y, x, 1) - found(y, x, 1)));
       }
     }
-    const capture::LightLevel light{.light_index = *scan_.steps.at(std::size_t(image.index)).light_index};
+    const capture::LightLevel light{.light_index = *db::step_of(scan_, image.index).light_index};
     const core::Image still = as_seen(world_.render(camera_.model, std::span(&light, 1), key_time_));
     unaligned.add(core::to_rgb(db::load_frame(store, *frame, dark, flat_.image)), still, mask, exposure);
     aligned.add(core::to_rgb(store.object(image.object)), still, mask, exposure);

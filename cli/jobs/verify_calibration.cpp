@@ -13,6 +13,7 @@
 #include "cli/format.h"
 #include "cli/jobs/ball_pass.h"
 #include "cli/jobs/stage_cameras.h"
+#include "cli/jobs/stored_json.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
@@ -76,8 +77,10 @@ Calibration read_calibration(const db::Store& store, const db::Product& product)
   }
   const nlohmann::json parameters = nlohmann::json::parse(product.parameters, nullptr, false);
   if (!parameters.is_object()) return calibration;
-  if (parameters.value("gains_measured", false)) calibration.grey_albedo = parameters.value("grey_albedo", 0.0);
-  calibration.gain_sigma = parameters.value("gain_sigma", std::map<int, double>{});
+  reading_json("calibration " + std::to_string(product.id), [&] {
+    if (parameters.value("gains_measured", false)) calibration.grey_albedo = parameters.value("grey_albedo", 0.0);
+    calibration.gain_sigma = parameters.value("gain_sigma", std::map<int, double>{});
+  });
   return calibration;
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "cli/jobs/stored_json.h"
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/version.h"
@@ -60,11 +61,13 @@ PictureFiles::PictureFiles(db::Store& store, const db::Scan& scan, std::vector<d
     if (product.scan_id != scan.id) continue;
     const auto parameters = ordered_json::parse(product.parameters, nullptr, /*allow_exceptions=*/false);
     if (!parameters.is_object() || !parameters.contains("recipe") || !parameters.contains("file_hash")) continue;
-    const std::string file = parameters.value("file", std::string());
-    if (!file.starts_with(below)) continue;
-    entries_.emplace(
-        file, Entry{parameters.value("file_hash", std::string()),
-                    making(parameters.at("recipe"), product, product.program_version), parameters.value("stops", 0.0)});
+    reading_json("picture " + std::to_string(product.id), [&] {
+      const std::string file = parameters.value("file", std::string());
+      if (!file.starts_with(below)) return;
+      entries_.emplace(file, Entry{parameters.value("file_hash", std::string()),
+                                   making(parameters.at("recipe"), product, product.program_version),
+                                   parameters.value("stops", 0.0)});
+    });
   }
 }
 

@@ -1,4 +1,5 @@
 #include <OpenImageIO/imageio.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <bit>
@@ -23,6 +24,13 @@ namespace {
 // to 1), so a header that claims more is false and must not make us allocate.
 constexpr std::uint64_t kMostCompression = 4096;
 constexpr std::size_t kAlwaysAllowedValues = std::size_t(1) << 22;
+
+// A picture may take half of the machine's memory, which leaves the other half to what is done with it.
+std::uint64_t most_bytes() {
+  static const std::uint64_t physical =
+      std::uint64_t(::sysconf(_SC_PHYS_PAGES)) * std::uint64_t(::sysconf(_SC_PAGESIZE));
+  return physical / 2;
+}
 
 BadInput failure(const fs::path& path, const std::string& problem) {
   return BadInput(path.string() + ": " + problem);
@@ -54,6 +62,9 @@ void check_spec(const fs::path& path, const OIIO::ImageSpec& spec, std::size_t m
   const std::string claim = "its header claims " + std::to_string(spec.width) + "x" + std::to_string(spec.height) +
                             "x" + std::to_string(spec.nchannels) + " values";
   if (values > max_values) throw failure(path, claim + ", more than the " + std::to_string(max_values) + " allowed");
+  if (values * sizeof(float) > most_bytes()) {
+    throw failure(path, claim + ", which take more than half of this machine's memory");
+  }
   std::error_code error;
   const std::uintmax_t bytes = fs::file_size(path, error);
   if (!error && values > kAlwaysAllowedValues && values / kMostCompression > bytes)
@@ -94,6 +105,10 @@ OpenImage open_image(const fs::path& path, std::size_t max_values) {
   if (!fs::is_regular_file(status)) throw failure(path, "not a regular file");
 
   if (std::string_view(format.plugin) == "png") check_png_is_whole(path);
+
+  // The library's own limits, which it keeps to before it takes memory.
+  static const bool limited = OIIO::attribute("limits:channels", 64) && OIIO::attribute("limits:imagesize_MB", 16384);
+  static_cast<void>(limited);
 
   OpenImage open;
   // By the format's name and not by the file's: OpenImageIO gives '?' in names a meaning of its own.

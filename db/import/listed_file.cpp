@@ -3,22 +3,14 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/foreign_path.h"
+#include "core/printable.h"
 
 namespace lightstage::db {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-// Whether the file is in the folder or below it once all links are followed.
-bool is_inside(const fs::path& folder, const fs::path& file) {
-  std::error_code error;
-  const fs::path root = fs::canonical(folder, error);
-  if (error) return false;
-  const fs::path target = fs::canonical(file, error);
-  if (error) return false;
-  return std::mismatch(root.begin(), root.end(), target.begin(), target.end()).first == root.end();
-}
 
 bool is_there(const fs::path& file) {
   std::error_code none;
@@ -29,21 +21,20 @@ bool is_there(const fs::path& file) {
 
 fs::path find_listed_file(const fs::path& folder, std::string listed, const std::string& place) {
   std::replace(listed.begin(), listed.end(), '\\', '/');
+  const std::optional<std::string> objection = core::objection_to_name(folder, listed);
   const fs::path path = listed;
-  const bool leaves = path.is_absolute() || std::find(path.begin(), path.end(), "..") != path.end() ||
-                      (is_there(folder / path) && !is_inside(folder, folder / path));
-  if (!leaves && is_there(folder / path)) return folder / path;
-  const fs::path beside = folder / path.filename();
-  if (!path.filename().empty() && is_there(beside) && is_inside(folder, beside)) return beside;
-  if (leaves)
-    throw core::BadInput(place + ": '" + listed + "' leads out of the folder; put the picture beside the list");
-  throw core::BadInput(place + ": the picture '" + listed + "' is not there");
+  if (!objection && is_there(folder / path)) return folder / path;
+  const fs::path beside = path.filename();
+  if (!core::objection_to_name(folder, beside.native()) && is_there(folder / beside)) return folder / beside;
+  if (objection)
+    throw core::BadInput(place + ": " + core::quoted(listed) + " " + *objection + "; put the picture beside the list");
+  throw core::BadInput(place + ": the picture " + core::quoted(listed) + " is not there");
 }
 
 std::optional<fs::path> mask_beside(const fs::path& folder) {
-  const fs::path mask = folder / "mask.png";
-  if (!is_there(mask)) return std::nullopt;
-  return mask;
+  const char* const kName = "mask.png";
+  if (!is_there(folder / kName)) return std::nullopt;
+  return core::path_inside(folder, kName, folder.string());
 }
 
 }  // namespace lightstage::db

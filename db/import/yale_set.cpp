@@ -4,6 +4,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/foreign_path.h"
 #include "core/text.h"
 #include "db/import/picture_set.h"
 #include "db/importers.h"
@@ -56,9 +57,9 @@ PictureSet read_yale_set(const fs::path& path) {
   std::set<std::string> poses;
   std::error_code error;
   for (fs::directory_iterator entry(path, error), end; !error && entry != end; entry.increment(error)) {
-    const fs::path& file = entry->path();
-    const std::optional<Name> name = parse_name(file);
+    const std::optional<Name> name = parse_name(entry->path());
     if (!name) continue;
+    const fs::path file = core::path_inside(path, entry->path().filename().native(), path.string());
     poses.insert(name->pose);
     if (name->ambient) {
       set.ambient = file;

@@ -13,6 +13,7 @@
 #include "core/file_lock.h"
 #include "core/scratch_folder.h"
 #include "db/store/bare_file.h"
+#include "db/store/foreign_catalogue.h"
 #include "db/store/lock_holders.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
@@ -113,7 +114,7 @@ SQLite::Database create_catalogue(const fs::path& store_folder) {
         migrate(database);
         configure(database, store_folder);
       }
-      core::move_file_durably(made, path);
+      put_catalogue(made, store_folder);
     }
     SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
     configure(database, store_folder);
@@ -130,6 +131,10 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
                            store_folder.string() + "`");
   }
   return explaining(store_folder, [&] {
+    if (fs::is_symlink(path, none)) {
+      throw core::StoreError(path.string() +
+                             ": is a symbolic link; a store's catalogue lies in the store's own folder");
+    }
     const std::optional<Identity> identity = fs::is_regular_file(path, none) ? look_at(path) : std::nullopt;
     if (!identity || identity->application_id != kApplicationId) {
       throw core::StoreError(path.string() + ": this file is not a Lightstage store");
@@ -139,6 +144,8 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     // Once more: another program may have migrated it since the look.
     const int version = database.execAndGet("PRAGMA user_version").getInt();
     refuse_newer(store_folder, version);
+    distrust(database);
+    require_own_schema(database, store_folder);
     configure(database, store_folder);
     if (version < schema_version()) {
       if (!has_page_checks(database)) renew_page_checks(database);
@@ -146,6 +153,16 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     }
     return database;
   });
+}
+
+void put_catalogue(const fs::path& made, const fs::path& store_folder) {
+  const fs::path path = catalogue_path(store_folder);
+  std::error_code none;
+  if (fs::exists(path.string() + "-wal", none)) {
+    throw core::StoreError(path.string() +
+                           "-wal: this log of a catalogue that is gone is in the way; move it to another folder");
+  }
+  core::move_file_durably(made, path);
 }
 
 void throw_if_newer(const fs::path& store_folder) {

@@ -10,18 +10,20 @@ constexpr const char* kFrameColumns =
     "f.saturation, f.object "
     "FROM frames f JOIN cameras c ON c.scan_id = f.scan_id AND c.name = f.camera ";
 
-std::vector<Frame> read_frames(SQLite::Statement row) {
+std::vector<Frame> read_frames(const std::string& store_folder, SQLite::Statement row) {
+  const std::string what = store_folder + ": a frame's row: ";
   std::vector<Frame> frames;
   while (row.executeStep()) {
     Frame frame;
     frame.id = row.getColumn(0).getInt64();
     frame.scan_id = row.getColumn(1).getInt64();
     frame.camera = row.getColumn(2).getString();
-    frame.step_index = row.getColumn(3).getInt();
+    frame.step_index = int_at(row, 3, what + "step");
     frame.timestamp_ns = row.getColumn(4).getInt64();
     frame.sequence_number = row.getColumn(5).getInt64();
-    frame.attempt = row.getColumn(6).getInt();
+    frame.attempt = int_at(row, 6, what + "attempt");
     frame.saturation = row.getColumn(7).getDouble();
+    if (!(frame.saturation >= 0)) throw core::StoreError(what + "its saturation is not a number >= 0");
     frame.object = ContentHash::from_hex(row.getColumn(8).getString());
     frames.push_back(std::move(frame));
   }
@@ -108,14 +110,14 @@ std::vector<Id> Store::finish_frames(std::vector<UnsyncedFrame> frames) {
 std::vector<Frame> Store::frames(Id scan_id, std::string_view camera) const {
   return explaining(folder(), [&] {
     const std::string sql = std::string(kFrameColumns) + "WHERE f.scan_id = ? AND f.camera = ? ORDER BY f.step_index";
-    return read_frames(impl_->query(sql.c_str(), scan_id, camera));
+    return read_frames(folder().string(), impl_->query(sql.c_str(), scan_id, camera));
   });
 }
 
 std::vector<Frame> Store::frames(Id scan_id) const {
   return explaining(folder(), [&] {
     const std::string sql = std::string(kFrameColumns) + "WHERE f.scan_id = ? ORDER BY f.step_index, c.position";
-    return read_frames(impl_->query(sql.c_str(), scan_id));
+    return read_frames(folder().string(), impl_->query(sql.c_str(), scan_id));
   });
 }
 

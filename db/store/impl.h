@@ -49,6 +49,11 @@ void bind_all(SQLite::Statement& statement, const Values&... values) {
   (bind_value(statement, ++at, values), ...);
 }
 
+// What only a catalogue that this program did not write can hold is refused with StoreError: whole numbers beyond an int, text that goes deeper than may be
+// walked through. `what` names it.
+int int_at(const SQLite::Statement& row, int column, const std::string& what);
+std::string shallow_json(std::string text, const std::string& what);
+
 struct Store::Impl {
   std::filesystem::path folder;
   ObjectFiles objects;

@@ -141,17 +141,17 @@ int schema_version() {
   return int(kMigrations.size());
 }
 
-bool migrate(SQLite::Database& database) {
+bool migrate(SQLite::Database& database, int to) {
   // Immediate: of two programs that open an old store at once, one waits here and then finds nothing to do.
   SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
   const int found = database.execAndGet("PRAGMA user_version").getInt();
-  for (int version = found; version < schema_version(); ++version) database.exec(kMigrations[std::size_t(version)]);
-  if (found < schema_version()) {
+  for (int version = found; version < to; ++version) database.exec(kMigrations[std::size_t(version)]);
+  if (found < to) {
     database.exec("PRAGMA application_id = " + std::to_string(kApplicationId));
-    database.exec("PRAGMA user_version = " + std::to_string(schema_version()));
+    database.exec("PRAGMA user_version = " + std::to_string(to));
   }
   transaction.commit();
-  return found < schema_version();
+  return found < to;
 }
 
 std::string current_schema() {
@@ -162,9 +162,14 @@ std::string current_schema() {
 
 std::string schema_of(const SQLite::Database& database) {
   std::string text;
+  // ANALYZE, which anybody may run, leaves the tables of statistics.
   SQLite::Statement rows(
-      database, "SELECT sql FROM sqlite_master WHERE sql IS NOT NULL AND name NOT LIKE 'sqlite_%' ORDER BY name");
-  while (rows.executeStep()) text += rows.getColumn(0).getString() + ";\n";
+      database,
+      "SELECT type, name, tbl_name, coalesce(sql, '') FROM sqlite_schema WHERE NOT (type = 'table' AND name "
+      "IN ('sqlite_stat1', 'sqlite_stat4')) ORDER BY type, name");
+  while (rows.executeStep()) {
+    for (int column = 0; column < 4; ++column) text += rows.getColumn(column).getString() + "\n";
+  }
   return text;
 }
 

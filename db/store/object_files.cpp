@@ -47,6 +47,19 @@ auto ObjectFiles::placing(const Work& work) const {
   }
 }
 
+// Where the object goes, its folder made.
+fs::path ObjectFiles::place_for(const ContentHash& hash) const {
+  const fs::path target = path(hash);
+  // Links that came with a stranger's store would be written through.
+  if (fs::is_symlink(target.parent_path())) {
+    throw core::StoreError(target.parent_path().string() +
+                           ": is a symbolic link; objects lie in the store's own folders");
+  }
+  if (fs::is_symlink(target)) fs::remove(target);
+  fs::create_directories(target.parent_path());
+  return target;
+}
+
 UnsyncedObject ObjectFiles::begin(core::ImageView image, bool compressed) const {
   if (image.empty()) throw core::BadInput("an image without pixels cannot be stored");
   if (image.channels() > 4) {
@@ -61,11 +74,7 @@ UnsyncedObject ObjectFiles::begin(core::ImageView image, bool compressed) const 
     throw;
   }
   const ContentHash hash = hash_bytes(bytes);
-  return placing([&] {
-    const fs::path target = path(hash);
-    fs::create_directories(target.parent_path());
-    return UnsyncedObject{core::UnsyncedFile(target, bytes), hash, image.size()};
-  });
+  return placing([&] { return UnsyncedObject{core::UnsyncedFile(place_for(hash), bytes), hash, image.size()}; });
 }
 
 void ObjectFiles::finish(std::span<UnsyncedObject* const> objects) const {
@@ -88,9 +97,7 @@ ContentHash ObjectFiles::write(core::ImageView image) const {
 std::uintmax_t ObjectFiles::adopt(const fs::path& file, const ContentHash& hash) const {
   std::uintmax_t size = 0;
   placing([&] {
-    const fs::path target = path(hash);
-    fs::create_directories(target.parent_path());
-    core::replace_file_atomically(target, [&](const fs::path& temporary) {
+    core::replace_file_atomically(place_for(hash), [&](const fs::path& temporary) {
       fs::copy_file(file, temporary);
       if (hash_file(temporary) != hash) throw core::StoreError(file.string() + ": its bytes do not match its name");
       size = fs::file_size(temporary);

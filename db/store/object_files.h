@@ -56,6 +56,7 @@ class ObjectFiles {
  private:
   template <class Work>
   auto placing(const Work& work) const;
+  std::filesystem::path place_for(const ContentHash& hash) const;
 
   std::filesystem::path store_folder_;
 };

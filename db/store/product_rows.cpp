@@ -114,7 +114,8 @@ Product Store::Impl::product_from(SQLite::Statement& row) const {
   product.name = row.getColumn(2).getString();
   if (!row.getColumn(3).isNull()) product.scan_id = row.getColumn(3).getInt64();
   product.stage_key = row.getColumn(4).getString();
-  product.parameters = row.getColumn(5).getString();
+  const std::string place = folder.string() + ": product " + std::to_string(product.id) + ": ";
+  product.parameters = shallow_json(row.getColumn(5).getString(), place + "its parameters");
   product.created_utc = row.getColumn(6).getString();
   product.program_version = row.getColumn(7).getString();
   product.input_scans =
@@ -126,7 +127,7 @@ Product Store::Impl::product_from(SQLite::Statement& row) const {
       "image_index",
       product.id);
   while (images.executeStep()) {
-    product.images.push_back({images.getColumn(0).getString(), images.getColumn(1).getInt(),
+    product.images.push_back({images.getColumn(0).getString(), int_at(images, 1, place + "image"),
                               ContentHash::from_hex(images.getColumn(2).getString()), images.getColumn(3).getDouble()});
   }
   return product;
@@ -192,17 +193,27 @@ std::vector<CalibratedLight> Store::calibrated_lights(Id calibration_id) const {
       return core::Vec3{row.getColumn(column).getDouble(), row.getColumn(column + 1).getDouble(),
                         row.getColumn(column + 2).getDouble()};
     };
+    const std::string place = folder().string() + ": calibration " + std::to_string(calibration_id) + ": ";
     while (row.executeStep()) {
       CalibratedLight entry;
-      entry.light_index = row.getColumn(0).getInt();
+      entry.light_index = int_at(row, 0, place + "light");
       entry.placed = row.getColumn(1).getInt() != 0;
-      entry.light.direction = core::Direction::from_vector(vector_at(2));
+      try {
+        entry.light.direction = core::Direction::from_vector(vector_at(2));
+      } catch (const core::BadInput& error) {
+        throw core::StoreError(place + "light " + std::to_string(entry.light_index) + ": " + error.what());
+      }
       if (!row.getColumn(5).isNull()) entry.light.position = vector_at(5);
       const core::Vec3 gain = vector_at(8);
       entry.light.gain = {gain.x, gain.y, gain.z};
       entry.sigma_degrees = row.getColumn(11).getDouble();
       entry.reason = row.getColumn(12).getString();
       lights.push_back(std::move(entry));
+    }
+    try {
+      check_lights(lights);
+    } catch (const core::BadInput& error) {
+      throw core::StoreError(folder().string() + ": " + error.what());
     }
     return lights;
   });

@@ -6,6 +6,7 @@
 
 #include "core/clock.h"
 #include "core/error.h"
+#include "core/printable.h"
 #include "core/text.h"
 #include "core/version.h"
 #include "db/store/impl.h"
@@ -18,17 +19,29 @@ constexpr std::array<std::string_view, 6> kScanKinds{"olat",       "mirror_ball"
                                                      "chessboard", "imported",    "virtual"};
 constexpr std::array<std::string_view, 5> kStepKinds{"light", "tracking", "full_on", "dark", "pattern"};
 
-// The schema lets no other text in.
+// The schema lets no other text in; a catalogue that was not written through it may hold any.
 template <class Kind, std::size_t n>
-Kind parse_kind(const std::array<std::string_view, n>& names, const std::string& text) {
-  return Kind(std::find(names.begin(), names.end(), text) - names.begin());
+Kind parse_kind(const std::array<std::string_view, n>& names, const std::string& text, const std::string& place) {
+  const auto found = std::find(names.begin(), names.end(), text);
+  if (found == names.end()) throw core::StoreError(place + "there is no kind " + core::quoted(text));
+  return Kind(found - names.begin());
 }
 
 void check_name(const std::string& name, const std::string& what) {
   const auto allowed = [](unsigned char c) { return std::isalnum(c) || c == '-' || c == '_' || c == '.'; };
   if (name.empty() || name[0] == '.' || !std::all_of(name.begin(), name.end(), allowed)) {
-    throw core::UsageError("'" + name + "' cannot name a " + what +
+    throw core::UsageError(core::quoted(name) + " cannot name a " + what +
                            "; use letters, digits, '-', '_' and '.', not starting with '.'");
+  }
+}
+
+// Names become those of files and folders.
+void check_names_read(const Scan& scan, const std::string& place) {
+  try {
+    check_name(scan.name, "scan");
+    for (const std::string& camera : scan.cameras) check_name(camera, "camera");
+  } catch (const core::UsageError& error) {
+    throw core::StoreError(place + error.what());
   }
 }
 
@@ -86,6 +99,15 @@ std::string_view to_string(StepKind kind) {
   return kStepKinds.at(std::size_t(kind));
 }
 
+const Step& step_of(const Scan& scan, int step_index) {
+  const auto step = std::lower_bound(scan.steps.begin(), scan.steps.end(), step_index,
+                                     [](const Step& s, int index) { return s.step_index < index; });
+  if (step == scan.steps.end() || step->step_index != step_index) {
+    throw core::StoreError("scan '" + scan.name + "' has no step " + std::to_string(step_index));
+  }
+  return *step;
+}
+
 void Store::require_free_name(const std::string& name) const {
   check_name(name, "scan");
   if (find_scan(name)) {
@@ -126,24 +148,30 @@ Scan Store::Impl::scan_from(SQLite::Statement& row) const {
   Scan scan;
   scan.id = row.getColumn(0).getInt64();
   scan.name = row.getColumn(1).getString();
-  scan.kind = parse_kind<ScanKind>(kScanKinds, row.getColumn(2).getString());
+  const std::string place = folder.string() + ": scan " + core::quoted(scan.name) + ": ";
+  scan.kind = parse_kind<ScanKind>(kScanKinds, row.getColumn(2).getString(), place);
   scan.stage_key = row.getColumn(3).getString();
-  scan.provenance = row.getColumn(4).getString();
+  scan.provenance = shallow_json(row.getColumn(4).getString(), place + "its provenance");
   scan.created_utc = row.getColumn(5).getString();
   scan.program_version = row.getColumn(6).getString();
   auto cameras = query("SELECT name FROM cameras WHERE scan_id = ? ORDER BY position", scan.id);
   while (cameras.executeStep()) scan.cameras.push_back(cameras.getColumn(0).getString());
+  check_names_read(scan, place);
   auto steps = query(
       "SELECT step_index, kind, light_index, exposure_ns, pattern FROM steps WHERE scan_id = ? ORDER BY "
       "step_index",
       scan.id);
   while (steps.executeStep()) {
     Step step;
-    step.step_index = steps.getColumn(0).getInt();
-    step.kind = parse_kind<StepKind>(kStepKinds, steps.getColumn(1).getString());
-    if (!steps.getColumn(2).isNull()) step.light_index = steps.getColumn(2).getInt();
+    step.step_index = int_at(steps, 0, place + "step");
+    step.kind = parse_kind<StepKind>(kStepKinds, steps.getColumn(1).getString(), place);
+    if (!steps.getColumn(2).isNull()) step.light_index = int_at(steps, 2, place + "light");
+    if ((step.kind == StepKind::kLight) != step.light_index.has_value()) {
+      throw core::StoreError(place + "step " + std::to_string(step.step_index) +
+                             ": a step has a light exactly if its kind is 'light'");
+    }
     step.exposure_ns = steps.getColumn(3).getInt64();
-    step.pattern = steps.getColumn(4).getString();
+    step.pattern = shallow_json(steps.getColumn(4).getString(), place + "a pattern");
     scan.steps.push_back(std::move(step));
   }
   return scan;
@@ -193,7 +221,7 @@ std::vector<ScanSummary> Store::scan_summaries() const {
     while (row.executeStep()) {
       ScanSummary scan;
       scan.name = row.getColumn(1).getString();
-      scan.kind = parse_kind<ScanKind>(kScanKinds, row.getColumn(2).getString());
+      scan.kind = parse_kind<ScanKind>(kScanKinds, row.getColumn(2).getString(), folder().string() + ": ");
       scan.created_utc = row.getColumn(3).getString();
       scan.steps = std::size_t(row.getColumn(4).getInt64());
       scan.frames = std::size_t(row.getColumn(5).getInt64());

@@ -34,6 +34,9 @@ std::optional<VerifyState> read_verify_state(const fs::path& store_folder) {
 void write_verify_state(const fs::path& store_folder, const VerifyState& state) {
   const nlohmann::json json{
       {"scans_done", state.scans_done}, {"frames", state.report.frames}, {"errors", state.report.errors}};
+  // A link that came with a stranger's store would be written through.
+  std::error_code none;
+  if (fs::is_symlink(state_path(store_folder), none)) fs::remove(state_path(store_folder), none);
   try {
     core::write_file_atomically(state_path(store_folder),
                                 json.dump(1, ' ', true, nlohmann::json::error_handler_t::replace) + "\n");

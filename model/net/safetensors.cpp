@@ -13,6 +13,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "core/nesting.h"
 
 namespace lightstage::model {
 namespace {
@@ -93,22 +94,10 @@ StoredTensor parse_tensor(const fs::path& path, const std::string& name, const J
 
 // Texts in the header are mostly JSON, and what walks through JSON goes one call deeper for each level.
 void refuse_deep_nesting(const fs::path& path, const std::map<std::string, std::string>& metadata) {
-  constexpr int kMostLevels = 500;
   for (const auto& [key, text] : metadata) {
-    int level = 0;
-    bool in_string = false, escaped = false;
-    for (const char c : text) {
-      if (in_string) {
-        in_string = escaped || c != '"';
-        escaped = !escaped && c == '\\';
-        continue;
-      }
-      in_string = c == '"';
-      if (c == '[' || c == '{') ++level;
-      if (c == ']' || c == '}') --level;
-      if (level > kMostLevels) {
-        throw bad_file(path, "its " + key + " is nested more than " + std::to_string(kMostLevels) + " levels deep");
-      }
+    if (core::json_nests_deeper(text, core::kMostJsonLevels)) {
+      throw bad_file(path,
+                     "its " + key + " is nested more than " + std::to_string(core::kMostJsonLevels) + " levels deep");
     }
   }
 }

@@ -1,12 +1,13 @@
 #include "sim/subjects/texture.h"
 
-#include <assimp/scene.h>
-
+#include <algorithm>
+#include <cctype>
 #include <random>
 #include <system_error>
 
-#include "core/display.h"
+#include "core/error.h"
 #include "core/file.h"
+#include "core/foreign_path.h"
 #include "core/image_file.h"
 
 namespace lightstage::sim {
@@ -35,17 +36,6 @@ class TemporaryFile {
   fs::path path_;
 };
 
-core::Image from_texels(const aiTexture& texture) {
-  core::Image image(int(texture.mHeight), int(texture.mWidth), 3);
-  const aiTexel* texel = texture.pcData;
-  for (std::size_t i = 0; i < image.values().size(); i += 3, ++texel) {
-    image.values()[i] = core::srgb_decode(float(texel->r) / 255);
-    image.values()[i + 1] = core::srgb_decode(float(texel->g) / 255);
-    image.values()[i + 2] = core::srgb_decode(float(texel->b) / 255);
-  }
-  return image;
-}
-
 }  // namespace
 
 Vec3f look_up(const core::Image& texture, TexturePoint place) {
@@ -65,13 +55,17 @@ Vec3f look_up(const core::Image& texture, TexturePoint place) {
   return lerp(above, below, y - top);
 }
 
-core::Image read_texture(const aiScene& scene, const fs::path& mesh_path, const std::string& name) {
-  const aiTexture* embedded = scene.GetEmbeddedTexture(name.c_str());
-  if (embedded == nullptr) return core::to_rgb(core::read_image(mesh_path.parent_path() / name));
-  if (embedded->mHeight != 0) return from_texels(*embedded);
-  // Otherwise mWidth counts the bytes of a compressed picture.
-  const TemporaryFile file({reinterpret_cast<const char*>(embedded->pcData), embedded->mWidth},
-                           embedded->achFormatHint);
+core::Image read_texture(const TextureSource& source, const fs::path& mesh_path) {
+  if (!source.file.empty()) {
+    const std::string place = mesh_path.string() + ": its texture";
+    return core::to_rgb(core::read_image(core::path_inside(mesh_path.parent_path(), source.file, place)));
+  }
+  // The format is the file's word, and becomes part of a path.
+  const auto is_letter = [](unsigned char c) { return std::isalnum(c) != 0; };
+  if (source.format.empty() || !std::all_of(source.format.begin(), source.format.end(), is_letter)) {
+    throw core::BadInput(mesh_path.string() + ": does not say of what format its texture is");
+  }
+  const TemporaryFile file(source.bytes, source.format);
   return core::to_rgb(core::read_image(file.path()));
 }
 

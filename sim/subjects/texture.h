@@ -7,8 +7,6 @@
 #include "core/image.h"
 #include "sim/render/vec3f.h"
 
-struct aiScene;
-
 namespace lightstage::sim {
 
 // Texture coordinates: u to the right, v upwards, the picture repeats with period 1.
@@ -21,7 +19,13 @@ struct TexturePoint {
 // Bilinear. Coordinates that are not finite give the first texel.
 Vec3f look_up(const core::Image& texture, TexturePoint place);
 
-// The texture that a mesh file names: inside the scene, or a file beside the mesh. Three channels, linear. Throws BadInput.
-core::Image read_texture(const aiScene& scene, const std::filesystem::path& mesh_path, const std::string& name);
+// Where a mesh's texture is: a file that the mesh names, or a compressed picture in the mesh itself.
+struct TextureSource {
+  std::string file;
+  std::string format, bytes;  // "png"
+};
+
+// Three channels, linear. Throws BadInput, also for a file outside the mesh's folder.
+core::Image read_texture(const TextureSource& source, const std::filesystem::path& mesh_path);
 
 }  // namespace lightstage::sim

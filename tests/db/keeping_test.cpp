@@ -126,15 +126,27 @@ TEST_CASE_METHOD(Fixture, "a restored store has everything, and can be backed up
   CHECK_THROWS_AS(db::Store::restore(folder / "nowhere", folder / "new"), core::StoreError);
 }
 
+TEST_CASE_METHOD(Fixture, "the log of a catalogue that is gone is not taken for that of a new one") {
+  store.back_up(folder / "backup");
+  fs::create_directories(folder / "again/objects");
+  test::write_text(folder / "again/store.sqlite-wal", "what a crash left");
+  CHECK_THAT(message_of([&] { db::Store::restore(folder / "backup", folder / "again"); }),
+             Contains("move it to another folder"));
+  CHECK_THAT(message_of([&] { db::Store::create(folder / "again"); }), Contains("move it to another folder"));
+  CHECK_FALSE(fs::exists(folder / "again/store.sqlite"));
+}
+
 TEST_CASE_METHOD(Fixture, "an interrupted backup leaves the earlier one whole, and goes on") {
   store.back_up(folder / "backup");
   add_pass(store, "second");
-  // A folder where an object belongs: copying fails there, as it does on a full disk.
-  const fs::path blocked =
-      folder / "backup/objects" /
-      fs::relative(store.object_path(store.frames(store.scan("second").id)[3].object), folder / "store/objects");
-  fs::create_directories(blocked.parent_path());
-  fs::create_symlink("/nowhere/at/all", blocked);
+  // A file where an object's folder belongs: copying fails there, as it does on a full disk.
+  fs::path blocked;
+  for (const db::Frame& frame : store.frames(store.scan("second").id)) {
+    const fs::path object = fs::relative(store.object_path(frame.object), folder / "store/objects");
+    blocked = folder / "backup/objects" / object.parent_path();
+    if (!fs::exists(blocked)) break;
+  }
+  test::write_text(blocked, "in the way");
   CHECK_THROWS_AS(store.back_up(folder / "backup"), core::StoreError);
   {
     const db::Store backup = db::Store::open(folder / "backup");

@@ -108,12 +108,12 @@ fps = 3
 key = [{time_s = 0, direction = [10, 20]}, {time_s = 1, direction = [130, 20]}, {time_s = 2, direction = [250, 20]},
        {time_s = 3, direction = [10, 20]}]
 [environment]
-file = "/absolute/sky.exr"
+file = "maps/sky.exr"
 key = [{time_s = 0, rotate_deg = 0}, {time_s = 3, rotate_deg = 360}]
 )");
   CHECK(rig.frame(9).moving == rig.frame(0).moving);
   CHECK(rig.frame(3).moving[0].direction == Direction::from_longitude_latitude_degrees(130, 20));
-  CHECK(rig.environment->file == "/absolute/sky.exr");
+  CHECK(rig.environment->file == "/rigs/maps/sky.exr");
   CHECK(rig.frame(9).environment->rotate_degrees == 360);
 }
 
