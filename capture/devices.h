@@ -70,6 +70,8 @@ class Camera {
  public:
   virtual ~Camera() = default;
   virtual std::string name() const = 0;
+  // Of its pictures, where that is known; a frame of another size is damaged.
+  virtual std::optional<core::ImageSize> frame_size() const { return std::nullopt; }
   // Takes effect with the next exposure. Throws when the camera cannot do it; never rounds silently.
   virtual void set_exposure(core::Nanoseconds exposure) = 0;
   // Whether exposures wait for the trigger (as after opening) or follow each other. Frames of before may still come.

@@ -115,6 +115,7 @@ enum LedFault : std::uint32_t {
   kFaultOnTime = 1u << 1,
   kFaultDuty = 1u << 2,
   kFaultTemperature = 1u << 3,
+  kFaultFlashing = 1u << 4,
 };
 
 constexpr std::uint32_t kNoPosition = 0xFFFFFFFF;  // not armed

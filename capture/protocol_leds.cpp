@@ -87,6 +87,9 @@ std::vector<std::string> describe_faults(std::uint32_t faults) {
       case kFaultTemperature:
         lines.emplace_back("too hot: let it cool down");
         break;
+      case kFaultFlashing:
+        lines.emplace_back("the lights flashed too often, which can set off seizures");
+        break;
       default:
         lines.push_back("fault " + std::to_string(bit) + ": see the controller's manual");
     }

@@ -2,6 +2,7 @@
 
 #include <map>
 #include <set>
+#include <utility>
 
 #include "capture/session/free_run.h"
 #include "capture/session/lights_off.h"
@@ -10,6 +11,7 @@
 #include "capture/session/pipelined.h"
 #include "core/error.h"
 #include "core/interrupt.h"
+#include "core/progress.h"
 #include "core/text.h"
 
 namespace lightstage::capture {
@@ -36,12 +38,17 @@ void check(const db::Scan& scan, const Sequence& sequence, const Rig& rig, const
   check_rig(what, sequence, rig, options);
 }
 
+void show(const SessionOptions& options, std::span<const KeptFrame> frames) {
+  if (!options.on_frame) return;
+  for (const KeptFrame& kept : frames) options.on_frame(*kept.step, kept.camera, kept.frame);
+}
+
 SessionReport take_all(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options,
-                       Pass::Stored stored, FrameKeeper::Store store) {
+                       Pass::Stored stored, FrameKeeper::Target target) {
   const core::Nanoseconds start = rig.clock.now();
   // Made first, so that signals are held back until the lights are off.
   const core::InterruptGuard interrupt_guard;
-  Pass pass(name, sequence, rig, options, std::move(stored), std::move(store));
+  Pass pass(name, sequence, rig, options, std::move(stored), std::move(target));
   LightsOffGuard lights_off(rig.lights);
   if (sequence.timing == Timing::kPipelined) run_pipelined(pass);
   if (sequence.timing == Timing::kFreeRun) {
@@ -84,21 +91,61 @@ void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig
 SessionReport run_session(db::Store& store, const db::Scan& scan, const Sequence& sequence, const Rig& rig,
                           const SessionOptions& options) {
   check(scan, sequence, rig, options);
-  Pass::Stored stored;
-  for (const db::Frame& frame : store.frames(scan.id)) stored.emplace(frame.step_index, frame.camera);
-  return take_all(scan.name, sequence, rig, options, std::move(stored), [&](const KeptFrame& kept) {
-    store.put_frame({scan.id, kept.camera, kept.step->step_index, kept.frame.timestamp, kept.frame.sequence_number,
-                     kept.attempt, kept.frame.saturation},
-                    kept.frame.image);
-    if (options.on_frame) options.on_frame(*kept.step, kept.camera, kept.frame);
-  });
+  const auto stored_frames = [&] {
+    Pass::Stored stored;
+    for (const db::Frame& frame : store.frames(scan.id)) stored.emplace(frame.step_index, frame.camera);
+    return stored;
+  };
+  const auto explaining = [](const KeptFrame& kept, const auto& work) {
+    try {
+      work();
+    } catch (const core::BadInput& no_picture) {
+      throw core::BadInput("camera '" + kept.camera + "', " + describe(*kept.step) + ": " + no_picture.what());
+    }
+  };
+  FrameKeeper::Target target;
+  target.write = [&](KeptFrame& kept) {
+    explaining(kept, [&] {
+      kept.unsynced = store.begin_frame({scan.id, kept.camera, kept.step->step_index, kept.frame.timestamp,
+                                         kept.frame.sequence_number, kept.attempt, kept.frame.saturation},
+                                        kept.frame.image);
+    });
+  };
+  const auto finish = [&](std::span<KeptFrame> frames) {
+    std::vector<db::UnsyncedFrame> unsynced;
+    for (KeptFrame& kept : frames) unsynced.push_back(*std::exchange(kept.unsynced, std::nullopt));
+    store.finish_frames(std::move(unsynced));
+    show(options, frames);
+  };
+  target.store = [&](std::vector<KeptFrame>& frames) {
+    try {
+      finish(frames);
+    } catch (const core::BadInput&) {  // of a picture that does not fit in: those before it are kept
+      for (KeptFrame& kept : frames) {
+        target.write(kept);
+        explaining(kept, [&] { finish({&kept, 1}); });
+      }
+    }
+  };
+  const std::size_t before = stored_frames().size();
+  for (int attempt = 1;; ++attempt) {
+    try {
+      SessionReport report = take_all(scan.name, sequence, rig, options, stored_frames(), target);
+      report.already_stored = before;
+      report.stored = stored_frames().size() - before;
+      report.retaken += std::size_t(attempt) - 1;
+      return report;
+    } catch (const core::BadInput& refused) {
+      if (attempt >= options.attempts) throw core::DeviceError(refused.what());
+      core::warn(std::string(refused.what()) + "; it is taken again");
+    }
+  }
 }
 
 SessionReport dry_run(const Sequence& sequence, const Rig& rig, const SessionOptions& options) {
   check_rig("dry run", sequence, rig, options);
-  return take_all("dry run", sequence, rig, options, {}, [&](const KeptFrame& kept) {
-    if (options.on_frame) options.on_frame(*kept.step, kept.camera, kept.frame);
-  });
+  return take_all("dry run", sequence, rig, options, {},
+                  {[](KeptFrame&) {}, [&](std::vector<KeptFrame>& frames) { show(options, frames); }});
 }
 
 core::Nanoseconds end_of_last_exposure(const db::Store& store, const db::Scan& scan) {

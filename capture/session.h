@@ -46,7 +46,8 @@ struct SessionReport {
 void check_rig(const std::string& what, const Sequence& sequence, const Rig& rig, const SessionOptions& options = {});
 
 // Takes every frame of `scan` that the store does not hold yet, in the sequence's timing mode. A frame is stored only when
-// it certainly shows its step's light; what is lost or uncertain is taken again. A DeviceError of any device costs a try.
+// it certainly shows its step's light; what is lost or uncertain is taken again. A DeviceError of any device costs a try. A frame that the store refuses
+// (a picture with NaN in it) ends a round of the pass, and what is missing is taken in another.
 // In modes lockstep and pipelined the devices are triggered; what pipelined loses is taken again in lockstep.
 //
 // Every light is off afterwards on every way out: return, exception, SIGINT, SIGTERM (stops between frames with

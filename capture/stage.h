@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "capture/hardware.h"
+#include "capture/light_limits.h"
 #include "core/camera_model.h"
 #include "core/light_list.h"
 #include "core/vec3.h"
@@ -38,7 +39,8 @@ struct Stage {
   double radius_m = 1.5;                    // nominal distance of the lights from the centre
   std::vector<core::Vec3> light_positions;  // metres, stage frame
   std::vector<StageCamera> cameras;         // at least one; the first is the primary one
-  Hardware hardware;                        // empty for a stage that is only drawn
+  LightLimits limits;
+  Hardware hardware;  // empty for a stage that is only drawn
   StageSimulation simulation;
 };
 

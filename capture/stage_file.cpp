@@ -56,6 +56,20 @@ void append_simulation(std::string& text, const StageSimulation& simulation) {
   text += "]\n";
 }
 
+void append_limits(std::string& text, const LightLimits& limits) {
+  text +=
+      "\n# What the lights may do. Flashes: at most so many a second as the band begins with, counted from so small a "
+      "share of full\n"
+      "# light on, over so large a share of the lights. Heat: share of the time, and seconds without a break (0: "
+      "any).\n[limits]\n";
+  text += "strobe_band_hz = " + list({limits.strobe_from_hz, limits.strobe_to_hz}) + "\n";
+  text += "strobe_share = " + toml_number(limits.strobe_share) + "\n";
+  text += "strobe_area = " + toml_number(limits.strobe_area) + "\n";
+  text += "duty = " + toml_number(limits.duty) + "\n";
+  text += "duty_window_s = " + toml_number(limits.duty_window_s) + "\n";
+  text += "on_time_s = " + toml_number(limits.on_time_s) + "\n";
+}
+
 double positive(const core::TomlTable& table, std::string_view key) {
   const double value = table.number(key);
   if (value <= 0) table.fail(key, "must be above 0");
@@ -145,6 +159,32 @@ StageSimulation read_simulation(const core::TomlTable& table, std::size_t light_
   return simulation;
 }
 
+double within(const core::TomlTable& table, std::string_view key, double default_value, double least, double most) {
+  const double value = table.number(key, default_value);
+  if (!(value >= least && value <= most)) {
+    table.fail(key, "must be " + toml_number(least) + " to " + toml_number(most));
+  }
+  return value;
+}
+
+LightLimits read_limits(const core::TomlTable& table) {
+  LightLimits limits;
+  if (table.has("strobe_band_hz")) {
+    const std::vector<double> band = table.numbers("strobe_band_hz", 2);
+    if (!(band[0] >= 1 && band[0] < band[1] && band[1] <= 1000)) {
+      table.fail("strobe_band_hz", "must be two rising numbers from 1 to 1000");
+    }
+    limits.strobe_from_hz = band[0];
+    limits.strobe_to_hz = band[1];
+  }
+  limits.strobe_share = within(table, "strobe_share", limits.strobe_share, 0.001, 1);
+  limits.strobe_area = within(table, "strobe_area", limits.strobe_area, 0.001, 1);
+  limits.duty = within(table, "duty", limits.duty, 0.001, 1);
+  limits.duty_window_s = within(table, "duty_window_s", limits.duty_window_s, 0.001, 86400);
+  limits.on_time_s = within(table, "on_time_s", limits.on_time_s, 0, 86400);
+  return limits;
+}
+
 void require_at_most(const core::TomlTable& table, const std::string& key, std::size_t count, std::size_t most) {
   if (count > most)
     table.fail(key, "comes " + std::to_string(count) + " times; a stage has at most " + std::to_string(most));
@@ -168,6 +208,7 @@ Stage read_table(const core::TomlTable& table) {
     if (norm(position) == 0) entry.fail("position_m", "is the stage centre: a light there has no direction");
     stage.light_positions.push_back(position);
   }
+  if (const auto limits = table.optional_table("limits")) stage.limits = read_limits(*limits);
   if (const auto simulation = table.optional_table("simulation")) {
     stage.simulation = read_simulation(*simulation, stage.light_positions.size());
   }
@@ -208,6 +249,7 @@ std::string to_toml(const Stage& stage) {
       "frame.\n";
   text += "name = \"" + stage.name + "\"\n";
   text += "radius_m = " + toml_number(stage.radius_m) + "\n";
+  append_limits(text, stage.limits);
   text += controllers_and_lines_toml(stage.hardware);
   for (std::size_t i = 0; i < stage.cameras.size(); ++i) {
     text += to_toml(stage.cameras[i]);

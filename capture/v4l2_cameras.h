@@ -46,6 +46,9 @@ struct V4l2CameraSeen {
 // node for a moment and sets nothing. A camera that cannot be opened is listed with its problem. Does not throw DeviceError.
 std::vector<V4l2CameraSeen> v4l2_cameras_seen();
 
+// Channels of the pictures that such a camera delivers: 1 or 3. BadInput for a pixel format that cannot be measured in.
+int picture_channels(const CameraDevice& device);
+
 // Finds the camera by CameraDevice::match, sets it up, and lets it stream: format as CameraDevice and picture size as StageCamera ask, everything
 // automatic off, gain, the fastest frame rate. What the driver grants is read back.
 //

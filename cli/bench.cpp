@@ -8,6 +8,7 @@
 #include "cli/bench/align_command.h"
 #include "cli/bench/calib_command.h"
 #include "cli/bench/relight_command.h"
+#include "cli/bench/store_command.h"
 #include "cli/commands.h"
 #include "cli/format.h"
 #include "cli/options.h"
@@ -173,8 +174,8 @@ void add_bench_capture(CLI::App& bench, Context& context) {
 void add_bench(CLI::App& program, Context& context) {
   CLI::App* command = program.add_subcommand("bench",
                                              "Measure the network's engine on this machine (model), relighting by plan "
-                                             "(relight), calibration (calib), alignment (align), or the timing modes "
-                                             "of capture (capture)");
+                                             "(relight), calibration (calib), alignment (align), the timing modes "
+                                             "of capture (capture), or the store under load (store)");
   command->require_subcommand(1);
   command->footer("Example:\n  lightstage bench model --size 512");
   const auto options = std::make_shared<Options>();
@@ -194,6 +195,7 @@ void add_bench(CLI::App& program, Context& context) {
   add_bench_align(*command, context);
   add_bench_calib(*command, context);
   add_bench_relight(*command, context);
+  add_bench_store(*command, context);
 }
 
 }  // namespace lightstage::cli

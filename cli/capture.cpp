@@ -15,6 +15,7 @@
 #include "cli/options.h"
 #include "core/error.h"
 #include "core/progress.h"
+#include "db/scan_lock.h"
 #include "sim/rig.h"
 
 namespace lightstage::cli {
@@ -38,8 +39,7 @@ struct Options {
 // Steps of a dry run: enough for rates and rare troubles to show.
 constexpr std::size_t kDryRunSteps = 60;
 
-// Cameras of 60 pictures a second; everything else as fast as can be.
-constexpr sim::DeviceTimes kSimulatedTimes{.shortest_period = core::kSecond / 60};
+constexpr sim::DeviceTimes kSimulatedTimes{.shortest_period = kSimulatedPeriod};
 
 // The devices of a pass, real or simulated, with the clock that they live by.
 class Devices {
@@ -49,7 +49,10 @@ class Devices {
     if (provenance.simulation) {
       virtual_clock_.sleep_until(begin);
       world_.emplace(*provenance.simulation);
-      simulated_.emplace(*world_, virtual_clock_, kSimulatedTimes);
+      // --i-know stands for the switch at the controller that lets lights flash; what protects the LEDs has none.
+      sim::ControllerLimits limits{.heat = provenance.stage.limits};
+      if (provenance.exceeded_limits.empty()) limits.flashing = provenance.stage.limits;
+      simulated_.emplace(*world_, virtual_clock_, kSimulatedTimes, limits);
     } else {
       hardware_.emplace(provenance.stage, system_clock_,
                         capture::HardwareOptions{.program = std::filesystem::read_symlink("/proc/self/exe")});
@@ -88,6 +91,9 @@ void dry_run(const Options& options, Context& context) {
     sequence.timing = timing;
     const std::string name(to_string(timing));
     try {
+      CaptureProvenance mode = provenance;
+      mode.sequence = sequence;
+      require_within_limits(mode, options.request.i_know);
       const capture::SessionReport report = capture::dry_run(sequence, devices.rig());
       const double preparation_s = double(report.preparation) / core::kSecond;
       const double steps_per_s = double(report.steps) * core::kSecond /
@@ -105,7 +111,7 @@ void dry_run(const Options& options, Context& context) {
                        {"dropped", report.dropped},
                        {"discarded", report.discarded},
                        {"safe", safe}});
-    } catch (const core::UsageError& error) {  // the rig cannot do this mode
+    } catch (const core::UsageError& error) {  // the rig cannot do this mode, or must not
       remark(name, error.what());
     } catch (const core::DeviceError& error) {
       remark(name, error.what());
@@ -149,6 +155,10 @@ core::Nanoseconds exposure_of_lights(const capture::Sequence& sequence) {
   return light == sequence.steps.end() ? sequence.steps.front().exposure_ns : light->exposure_ns;
 }
 
+std::string going_on(const db::Scan& scan) {
+  return "go on with `lightstage capture --resume --name " + scan.name + "`";
+}
+
 void capture_scan(const Options& options, Context& context) {
   if (options.name.empty()) {
     throw core::UsageError(options.retake ? "--name NAME is needed: of which scan (lightstage store ls)"
@@ -162,6 +172,13 @@ void capture_scan(const Options& options, Context& context) {
         capture::PreviewOptions{.every = options.preview_every, .still = options.preview, .tev_address = options.tev});
   }
   db::Store store = context.open_store();
+  // Whether or not a scan of that name can be, before it is locked by it.
+  if (options.goes_on()) {
+    store.scan(options.name);
+  } else if (!store.find_scan(options.name)) {
+    store.require_free_name(options.name);
+  }
+  const db::ScanLock alone(store.folder(), options.name, "is being captured");
   std::optional<CaptureProvenance> planned;
   if (!options.goes_on()) planned = plan_capture(options.request);
   if (planned && store.find_scan(options.name)) {
@@ -174,6 +191,8 @@ void capture_scan(const Options& options, Context& context) {
     planned->sequence.steps.insert(planned->sequence.steps.end(), again.begin(), again.end());
   }
   const CaptureProvenance& provenance = *planned;
+  if (options.retake) require_within_limits(*planned, options.request.i_know || !provenance.exceeded_limits.empty());
+  require_room(store, options.name, provenance);
   // Opened before the scan is begun: a device that is missing leaves no empty scan behind.
   Devices devices(provenance, options.goes_on() ? capture::end_of_last_exposure(store, store.scan(options.name))
                                                 : core::Nanoseconds{0});
@@ -200,12 +219,16 @@ void capture_scan(const Options& options, Context& context) {
   capture::SessionReport report;
   try {
     report = run_session(store, scan, provenance.sequence, devices.rig(), session);
+    if (scan.kind == db::ScanKind::kOlat && !store.newest_product("mask", scan.id)) store_subject_masks(store, scan);
   } catch (const core::Interrupted& interrupted) {
-    throw core::Interrupted(std::string(interrupted.what()) +
-                            "; what was taken is stored: go on with `lightstage capture --resume --name " + scan.name +
-                            "`");
+    throw core::Interrupted(interrupted.what() + ("; what was taken is stored: " + going_on(scan)));
+  } catch (const core::StoreError& failure) {
+    throw core::StoreError(
+        failure.what() +
+        ("; what was taken before is stored: mend that (where a disk is full, make room), then " + going_on(scan)));
+  } catch (const core::DeviceError& failure) {
+    throw core::DeviceError(failure.what() + ("; when that is mended, " + going_on(scan)));
   }
-  if (scan.kind == db::ScanKind::kOlat && !store.newest_product("mask", scan.id)) store_subject_masks(store, scan);
 
   const std::size_t frames = report.already_stored + report.stored;
   std::string text = "captured '" + scan.name + "': " + std::to_string(frames) + " frames of " +
@@ -296,9 +319,13 @@ void add_capture(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 1000));
   command->add_flag("--white-card", request.white_card,
                     "On the stage stands a white card that fills the pictures, for `calibrate flat --scan`");
-  command->add_option("--tracking-every", request.tracking_every, "A tracking frame before every n-th light; 0: none")
-      ->capture_default_str()
+  command
+      ->add_option("--tracking-every", request.tracking_every,
+                   "A tracking frame before every n-th light; 0: none [10, or more where that would flash too often]")
       ->check(CLI::Range(0, 100000));
+  command->add_flag("--i-know", request.i_know,
+                    "Take a sequence that flashes or heats more than [limits] of the stage file allow; nobody "
+                    "photosensitive is there. It is recorded, and controllers keep their own limits");
   command
       ->add_option("--exposure", request.exposure_ms,
                    "Exposure of the single lights, milliseconds [20; white card 10; mirror ball 0.01, real stages "
@@ -346,7 +373,9 @@ void add_capture(CLI::App& program, Context& context) {
   CLI::Option* views = command->get_option("--views");
   CLI::Option* tracking = command->get_option("--tracking-every");
   CLI::Option* radius = command->get_option("--ball-radius");
-  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius] {
+  CLI::Option* i_know = command->get_option("--i-know");
+  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius, i_know] {
+    if (options->resume) refuse_any({i_know}, "--resume goes on as it was begun; leave this out");
     if (options->goes_on()) {
       refuse_any(new_ones, std::string(options->resume ? "--resume" : "--retake") +
                                " goes on with a scan as it was begun; leave this out");

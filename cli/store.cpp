@@ -8,6 +8,7 @@
 #include "cli/jobs/scans.h"
 #include "cli/store_keeping.h"
 #include "core/error.h"
+#include "db/scan_lock.h"
 
 namespace lightstage::cli {
 
@@ -101,6 +102,7 @@ void add_store(CLI::App& program, Context& context) {
     db::Store store = context.open_store();
     const db::Scan scan = store.scan(*doomed);
     if (!*certain) throw core::UsageError("removing '" + scan.name + "' cannot be undone: add --yes");
+    const db::ScanLock alone(store.folder(), scan.name, "is being removed");
     std::string text = "removed '" + scan.name + "'\n";
     ordered_json left = ordered_json::array();
     for (const db::Product& weights : store.remove_scan(scan.id)) {

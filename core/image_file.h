@@ -38,6 +38,9 @@ struct WriteOptions {
   // Values are clamped to [0, 1] for integer files, to +-65504 for half, and to >= 0 for HDR, which has no
   // sign.
   Encoding encoding = Encoding::kAuto;
+  // False, for EXR of linear halves: the pixels as they are, in a hundredth of the time, in some three times the space. Other files are
+  // written as ever.
+  bool compressed = true;
 };
 
 // Writes so that a reader sees the old file or the whole new one (temporary file, fsync, rename). Metadata is

@@ -7,10 +7,13 @@
 #include <sched.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
+#include <exception>
 #include <memory>
 #include <mutex>
 #include <thread>
+#include <vector>
 
 #include "core/error.h"
 #include "core/text.h"
@@ -72,6 +75,36 @@ void set_thread_count(int n) {
   current_workers.reset();
 }
 
+#if defined(__SANITIZE_THREAD__)
+// ThreadSanitizer does not see how TBB, which is not built with it, hands work from thread to thread, and takes every loop for a race. These threads
+// it knows; only tests under it use them.
+namespace {
+
+void run_on_threads(int thread_count, std::size_t range_count, const std::function<void(std::size_t)>& run) {
+  std::atomic<std::size_t> next = 0;
+  std::mutex mutex;
+  std::exception_ptr failure;
+  const auto work = [&] {
+    for (std::size_t range = next++; range < range_count; range = next++) {
+      try {
+        run(range);
+      } catch (...) {
+        const std::lock_guard lock(mutex);
+        if (!failure) failure = std::current_exception();
+        next = range_count;
+      }
+    }
+  };
+  std::vector<std::thread> threads;
+  for (int i = 1; i < thread_count; ++i) threads.emplace_back(work);
+  work();
+  for (std::thread& thread : threads) thread.join();
+  if (failure) std::rethrow_exception(failure);
+}
+
+}  // namespace
+#endif
+
 void parallel_for(std::size_t count, std::size_t grain,
                   const std::function<void(std::size_t first, std::size_t last)>& body) {
   const std::size_t step = std::max<std::size_t>(1, grain);
@@ -83,6 +116,9 @@ void parallel_for(std::size_t count, std::size_t grain,
     for (std::size_t range = 0; range < range_count; ++range) run(range);
     return;
   }
+#if defined(__SANITIZE_THREAD__)
+  run_on_threads(team->count, range_count, run);
+#else
   team->arena.execute([&] {
     // Isolated: a thread that waits for a nested loop must not take up other work of an outer one, which
     // might wait for what this very thread is making.
@@ -93,6 +129,7 @@ void parallel_for(std::size_t count, std::size_t grain,
                         });
     });
   });
+#endif
 }
 
 }  // namespace lightstage::core

@@ -79,7 +79,15 @@ core::ImageSize Store::Impl::size_of(const ContentHash& hash) const {
 }
 
 void Store::Impl::know_object(const ContentHash& hash) {
-  const core::ImageSize size = size_of(hash);
+  know_object(hash, size_of(hash));
+}
+
+void Store::Impl::know_object(const ContentHash& hash, core::ImageSize size) {
+  // Collected as garbage, if it was long on its way here.
+  if (!objects.exists(hash)) {
+    throw core::StoreError(folder.string() + ": object " + hash.hex() +
+                           " has been removed before anything referred to it");
+  }
   change("INSERT OR IGNORE INTO objects (hash, height, width, channels) VALUES (?, ?, ?, ?)", hash, size.height,
          size.width, size.channels);
 }

@@ -20,6 +20,7 @@
 #include "core/image.h"
 #include "core/light_list.h"
 #include "db/content_hash.h"
+#include "db/unsynced_object.h"
 
 namespace lightstage::db {
 
@@ -74,6 +75,12 @@ struct NewFrame {
 struct Frame : NewFrame {
   Id id = 0;
   ContentHash object;
+};
+
+// A frame whose picture is written but not yet durable (Store::begin_frame).
+struct UnsyncedFrame {
+  NewFrame frame;
+  UnsyncedObject object;
 };
 
 // An image that belongs to a product, such as one aligned frame.
@@ -221,6 +228,12 @@ class Store {
   // step (a retake). Throws BadInput for a non-finite image, a step or camera the scan does not have, or a
   // size that differs from the camera's other frames.
   Id put_frame(const NewFrame& frame, core::ImageView image);
+  // The same in two halves, for cameras that do not wait for the disk. Begun, a frame's picture is encoded and on its way to the disk, but
+  // nobody sees it, and it is gone when the process dies. Finished, all of the frames are durable; they go into one transaction, and wait for the disk's
+  // journal together. Pictures are not compressed: on two processors compressing takes four to ten times as long as the disk (docs/reliability.md).
+  // begin_frame needs no connection: it may be called from several threads. Throw as put_frame.
+  UnsyncedFrame begin_frame(const NewFrame& frame, core::ImageView image) const;
+  std::vector<Id> finish_frames(std::vector<UnsyncedFrame> frames);
   // The row alone, for an object that put_object has stored. Throws as put_frame.
   Id add_frame(const NewFrame& frame, const ContentHash& object);
   std::vector<Frame> frames(Id scan_id, std::string_view camera) const;  // in order of step

@@ -29,12 +29,17 @@ bool in_range(const OutputPattern& pattern, std::size_t outputs) {
 }  // namespace
 
 LedFirmware::LedFirmware(LedFirmwareOptions options, OnChange on_change)
-    : options_(std::move(options)), on_change_(std::move(on_change)), outputs_(options_.identity.outputs) {}
+    : options_(std::move(options)), on_change_(std::move(on_change)), outputs_(options_.identity.outputs) {
+  if (options_.flashing) flashes_.emplace(outputs_.size(), *options_.flashing);
+}
 
 // ---- time
 
 std::optional<LedFirmware::Due> LedFirmware::next_due() const {
   std::optional<Due> due = exhaustion_;
+  if (too_many_flashes_ && (!due || *too_many_flashes_ <= due->time)) {
+    due = Due{*too_many_flashes_, capture::kFaultFlashing, {}};
+  }
   if (!lit_.empty() || armed()) {
     const Nanoseconds silent = last_heard_ + options_.host_silence_limit;
     if (!due || silent <= due->time) due = Due{silent, capture::kFaultHostSilent, {}};
@@ -104,6 +109,7 @@ void LedFirmware::light(const OutputPattern& pattern, Nanoseconds time) {
   }
   lit_ = std::move(lit);
   find_exhaustion();
+  count_flashes(time);
   on_change_(time, lit_);
 }
 
@@ -124,6 +130,15 @@ void LedFirmware::find_exhaustion() {
       consider(output.heat_time + (room + rise - 1) / rise, capture::kFaultDuty, level.output);
     }
   }
+}
+
+void LedFirmware::count_flashes(Nanoseconds time) {
+  if (!flashes_) return;
+  constexpr double kFull = 3 * 65535.0;  // an output of a single colour gives the mean of the three
+  std::vector<std::pair<std::size_t, double>> levels;
+  for (const OutputLevel& l : lit_) levels.emplace_back(l.output, (double(l.r) + double(l.g) + double(l.b)) / kFull);
+  flashes_->show(time, levels);
+  too_many_flashes_ = flashes_->too_many();
 }
 
 void LedFirmware::go_dark(Nanoseconds time) {

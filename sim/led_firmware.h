@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "capture/led_protocol.h"
+#include "capture/light_limits.h"
 #include "core/clock.h"
 
 namespace lightstage::sim {
@@ -27,6 +28,8 @@ struct LedFirmwareOptions {
                              .max_sequence_bytes = 16u << 20,
                              .temperature_limit_tenths = 750,
                              .serial = "SIM0001"};
+  // Of flashing light (capture/light_limits.h); its heat limits play no part. None: the controller's own switch is off, which no host can change.
+  std::optional<capture::LightLimits> flashing;
   // Longer than kHostSilenceLimit only for a host in virtual time, which sends no keep-alive while it sleeps.
   core::Nanoseconds host_silence_limit = capture::kHostSilenceLimit;
 };
@@ -104,6 +107,7 @@ class LedFirmware {
   void warm(Output& output, core::Nanoseconds time) const;
   std::int64_t heat_limit() const;
   void find_exhaustion();
+  void count_flashes(core::Nanoseconds time);
   std::optional<Due> next_due() const;
   void step_by_strobe(core::Nanoseconds time);
   void send(const capture::LedMessage& message, std::uint32_t sequence);
@@ -117,7 +121,9 @@ class LedFirmware {
 
   std::vector<Output> outputs_;
   capture::OutputPattern lit_;
-  std::optional<Due> exhaustion_;  // of the first lit output that reaches a limit
+  std::optional<Due> exhaustion_;               // of the first lit output that reaches a limit
+  std::optional<capture::FlashMeter> flashes_;  // remembers what was seen whatever the host says
+  std::optional<core::Nanoseconds> too_many_flashes_;
   std::optional<Loading> loading_;
   std::vector<capture::OutputPattern> patterns_;
   std::optional<std::size_t> position_;  // while armed

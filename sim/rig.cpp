@@ -28,12 +28,13 @@ bool contains(const std::vector<int>& list, int value) {
 // The firmware at the end of a link in memory, and the LEDs that it drives.
 class SimulatedLights : public capture::LedController {
  public:
-  SimulatedLights(const World& world, core::Clock& clock, const DeviceTimes& times)
+  SimulatedLights(const World& world, core::Clock& clock, const DeviceTimes& times, const ControllerLimits& limits)
       : faults_(world.simulation().faults),
         clock_(clock),
         times_(times),
         leds_(world.simulation().stage.light_positions.size(), faults_.rise_time),
-        firmware_(options(leds_.light_count()), [this](core::Nanoseconds time, auto lit) { change(time, lit); }) {
+        firmware_(options(leds_.light_count(), limits),
+                  [this](core::Nanoseconds time, auto lit) { change(time, lit); }) {
     auto link = std::make_unique<FirmwareLink>(firmware_, clock);
     link_ = link.get();
     capture::ProtocolLedsOptions host{.name = "simulated LED controller", .keep_alive = false};
@@ -64,7 +65,7 @@ class SimulatedLights : public capture::LedController {
   LedBank& leds() { return leds_; }
 
  private:
-  static LedFirmwareOptions options(std::size_t outputs) {
+  static LedFirmwareOptions options(std::size_t outputs, const ControllerLimits& limits) {
     if (outputs > capture::kMaxLedOutputs) {
       throw core::UsageError("a simulated stage has at most " + std::to_string(capture::kMaxLedOutputs) +
                              " lights, this one has " + std::to_string(outputs));
@@ -74,6 +75,12 @@ class SimulatedLights : public capture::LedController {
     // Calibration exposes for long; nothing here gets hot.
     options.identity.duty_per_mille = 1000;
     options.identity.on_time_limit_ms = 0;
+    if (limits.heat) {
+      options.identity.duty_per_mille = static_cast<std::uint16_t>(std::lround(1000 * limits.heat->duty));
+      options.identity.duty_window_ms = static_cast<std::uint32_t>(std::lround(1000 * limits.heat->duty_window_s));
+      options.identity.on_time_limit_ms = static_cast<std::uint32_t>(std::lround(1000 * limits.heat->on_time_s));
+    }
+    options.flashing = limits.flashing;
     // Nobody sends a keep-alive while virtual time is slept through.
     options.host_silence_limit = 24 * 3600 * core::kSecond;
     return options;
@@ -110,6 +117,9 @@ class SimulatedCamera : public capture::Camera {
   }
 
   std::string name() const override { return camera_.name; }
+  std::optional<core::ImageSize> frame_size() const override {
+    return core::ImageSize{camera_.model.height, camera_.model.width, 3};
+  }
 
   void set_exposure(core::Nanoseconds exposure) override {
     if (exposure < kShortestExposure || exposure > kLongestExposure) {
@@ -252,8 +262,8 @@ class SimulatedCamera : public capture::Camera {
 }  // namespace
 
 struct SimulatedRig::Impl : capture::Trigger {
-  Impl(const World& world, core::Clock& the_clock, const DeviceTimes& times)
-      : clock(the_clock), lights(world, the_clock, times) {
+  Impl(const World& world, core::Clock& the_clock, const DeviceTimes& times, const ControllerLimits& limits)
+      : clock(the_clock), lights(world, the_clock, times, limits) {
     for (std::size_t i = 0; i < world.simulation().stage.cameras.size(); ++i) {
       cameras.push_back(std::make_unique<SimulatedCamera>(world, i, lights, the_clock, times));
       camera_pointers.push_back(cameras.back().get());
@@ -277,8 +287,9 @@ struct SimulatedRig::Impl : capture::Trigger {
   int exposures = 0;
 };
 
-SimulatedRig::SimulatedRig(const World& world, core::Clock& clock, const DeviceTimes& times)
-    : impl_(std::make_unique<Impl>(world, clock, times)) {}
+SimulatedRig::SimulatedRig(const World& world, core::Clock& clock, const DeviceTimes& times,
+                           const ControllerLimits& limits)
+    : impl_(std::make_unique<Impl>(world, clock, times, limits)) {}
 SimulatedRig::~SimulatedRig() = default;
 
 capture::Rig SimulatedRig::rig() {

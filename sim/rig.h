@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "capture/devices.h"
+#include "capture/light_limits.h"
 #include "capture/session.h"
 #include "core/clock.h"
 #include "sim/world.h"
@@ -19,6 +20,12 @@ struct DeviceTimes {
   core::Nanoseconds shortest_period = 0;  // between the starts of a camera's exposures
   bool stamped_on_arrival = false;        // frames carry the time at which they can be fetched
   bool triggered = true;                  // cameras have a trigger input; others always run free
+};
+
+// What the simulated controller keeps by itself, whatever it is told.
+struct ControllerLimits {
+  std::optional<capture::LightLimits> heat = {};      // its duty and on-time
+  std::optional<capture::LightLimits> flashing = {};  // LedFirmwareOptions::flashing
 };
 
 // LEDs with rise time, cameras with exposure, jitter, noise and quantisation, a trigger; and faults as the
@@ -39,8 +46,9 @@ struct DeviceTimes {
 // exactly; to resume one, sleep the clock to capture::end_of_last_exposure first.
 class SimulatedRig {
  public:
-  // The cameras of the world's stage, in order. World and clock must outlive the rig.
-  SimulatedRig(const World& world, core::Clock& clock, const DeviceTimes& times = {});
+  // The cameras of the world's stage, in order. World and clock must outlive the rig. The controller keeps its limits, where it has some.
+  SimulatedRig(const World& world, core::Clock& clock, const DeviceTimes& times = {},
+               const ControllerLimits& limits = {});
   ~SimulatedRig();
   SimulatedRig(const SimulatedRig&) = delete;
   SimulatedRig& operator=(const SimulatedRig&) = delete;

@@ -13,7 +13,7 @@ namespace lightstage::capture {
 // Remembers the highest sequence number seen, so that a frame is handed on at most once.
 class CameraFeed {
  public:
-  explicit CameraFeed(Camera& camera) : camera_(&camera), name_(camera.name()) {}
+  explicit CameraFeed(Camera& camera) : camera_(&camera), name_(camera.name()), size_(camera.frame_size()) {}
 
   const std::string& name() const { return name_; }
 
@@ -31,7 +31,10 @@ class CameraFeed {
   std::optional<CameraFrame> next(core::Nanoseconds deadline);
   // The highest sequence number seen of frames that were not damaged.
   std::optional<std::int64_t> last_number() const { return last_sequence_number_; }
-  core::Nanoseconds frame_period() const { return camera_->frame_period(); }
+  // Of the largest picture seen; 0 before the first.
+  std::size_t picture_bytes() const { return picture_bytes_; }
+  // As the camera's; DeviceError for a time that no camera needs: whoever waited for it would wait for ever.
+  core::Nanoseconds frame_period() const;
 
   struct Result {
     std::optional<CameraFrame> frame;
@@ -43,15 +46,19 @@ class CameraFeed {
   Result receive(core::Nanoseconds trigger_time, core::Nanoseconds deadline);
 
  private:
+  // The oldest frame; one of another size than the camera's is damaged.
+  std::optional<CameraFrame> fetch(core::Nanoseconds deadline);
   // Takes note of the frame's number; true when it is higher than all before.
   bool note(const CameraFrame& frame);
   void check_count(std::size_t unasked) const;
 
   Camera* camera_;
   std::string name_;
+  std::optional<core::ImageSize> size_;
   std::optional<core::Nanoseconds> exposure_;
   std::optional<Exposing> exposing_;
   std::optional<std::int64_t> last_sequence_number_;
+  std::size_t picture_bytes_ = 0;
 };
 
 }  // namespace lightstage::capture

@@ -158,6 +158,8 @@ FreeRunMatcher::Closed FreeRunMatcher::close(core::Nanoseconds now) {
     ++closed.steps;
     windows_.pop_front();
   }
+  // What has come by now began before any step that is lit from now on.
+  if (windows_.empty()) frames_.clear();
   return closed;
 }
 

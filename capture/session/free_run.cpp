@@ -55,8 +55,9 @@ class FreePass {
     for (const db::Step* step : steps) {
       if (core::interrupt_requested() || lagging()) break;
       set_exposure(step->exposure_ns);
+      wait_for_room();
       take(*step);
-      if (++steps_since_close_ >= kStepsBetweenCloses) close();
+      if (++steps_since_close_ >= pass_.steps_together(kStepsBetweenCloses)) close();
     }
     // What is still under way comes, or not.
     fetch_until(pass_.now() + latest_ + 2 * period_ + core::kMillisecond);
@@ -119,6 +120,16 @@ class FreePass {
       return std::all_of(matchers_.begin(), matchers_.end(), [](const auto& m) { return m.knows_next(); });
     };
     while (!known() && pass_.now() < patience) fetch_until(pass_.now() + core::kMillisecond / 2);
+  }
+
+  // The cameras do not wait for the disk, but the lights do: frames of no step are no loss.
+  void wait_for_room() {
+    if (pass_.has_room(1)) return;
+    close();
+    while (!pass_.has_room(1) && !core::interrupt_requested()) {
+      fetch_until(pass_.now() + core::kMillisecond);
+      close();
+    }
   }
 
   void take(const db::Step& step) {

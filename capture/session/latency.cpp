@@ -12,7 +12,7 @@ namespace lightstage::capture {
 
 namespace {
 
-constexpr int kTriggeredFrames = 6;  // every other one lit
+constexpr int kTriggeredFrames = 6;  // the second half lit: one flash
 constexpr int kFlashes = 8;
 // The whole stage must not flash faster than 3 times a second: that can set off seizures (ITU-R BT.1702).
 constexpr core::Nanoseconds kFlashLeast = 170 * core::kMillisecond;
@@ -145,10 +145,11 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
   std::vector<CameraFeed>& feeds = pass.feeds();
   std::vector<Seen> seen(feeds.size());
   Reference reference;
+  Switching switched;
   for (int i = 0; i < kTriggeredFrames; ++i) {
     core::throw_if_interrupted();
-    const bool lit = i % 2 == 1;
-    switch_lights(pass, lit);
+    const bool lit = i >= kTriggeredFrames / 2;
+    if (i == 0 || i == kTriggeredFrames / 2) switched = switch_lights(pass, lit);
     for (CameraFeed& feed : feeds) {
       feed.set_exposing(Exposing::kTriggered);
       feed.set_exposure(exposure);
@@ -166,6 +167,10 @@ Reference measure_triggered(Pass& pass, core::Nanoseconds exposure) {
       ++(lit ? seen[c].full : seen[c].dark);
     }
   }
+  // What follows may begin with all lights.
+  const core::Nanoseconds next_flash = switched.asked + 2 * kFlashLeast;
+  switch_lights(pass, false);
+  pass.rig().clock.sleep_until(next_flash);
   for (std::size_t c = 0; c < feeds.size(); ++c) {
     const int came = seen[c].dark + seen[c].full;
     if (seen[c].dark == 0 || seen[c].full == 0 || came < 3) {

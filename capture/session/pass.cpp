@@ -1,5 +1,6 @@
 #include "capture/session/pass.h"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "core/error.h"
@@ -9,6 +10,7 @@ namespace lightstage::capture {
 
 namespace {
 constexpr core::Nanoseconds kPoll = core::kMillisecond / 2;  // between looks for frames
+constexpr std::size_t kMostBytesTogether = std::size_t{1} << 30;
 }  // namespace
 
 std::string describe(const db::Step& step) {
@@ -17,14 +19,14 @@ std::string describe(const db::Step& step) {
 }
 
 Pass::Pass(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options,
-           Stored stored, FrameKeeper::Store store)
+           Stored stored, FrameKeeper::Target target)
     : sequence_(sequence),
       rig_(rig),
       options_(options),
       stored_(std::move(stored)),
       begin_(rig.clock.now()),
       progress_("capture " + name, sequence.steps.size() * rig.cameras.size() - stored_.size()),
-      keeper_(std::move(store)) {
+      keeper_(std::move(target)) {
   for (Camera* camera : rig.cameras) feeds_.emplace_back(*camera);
   report_.steps = sequence.steps.size();
   report_.already_stored = stored_.size();
@@ -67,6 +69,9 @@ Pass::Triggered Pass::trigger() {
   result.called = now();
   cameras_ready_ = result.called + period + period / 50 + core::kMillisecond / 2;
   result.triggered = rig_.trigger->fire();
+  if (result.triggered < result.called || result.triggered > now()) {
+    throw core::DeviceError("the trigger says that it fired at a time at which it was not asked to");
+  }
   return result;
 }
 
@@ -99,6 +104,16 @@ void Pass::keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame)
   ++report_.stored;
   if (attempt > 1) ++report_.retaken;
   show_progress(step);
+}
+
+std::size_t Pass::step_bytes() const {
+  std::size_t bytes = 0;
+  for (const CameraFeed& feed : feeds_) bytes += feed.picture_bytes();
+  return bytes;
+}
+
+std::size_t Pass::steps_together(std::size_t most) const {
+  return std::clamp<std::size_t>(kMostBytesTogether / std::max<std::size_t>(1, step_bytes()), 1, most);
 }
 
 void Pass::check_lights() {

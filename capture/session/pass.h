@@ -19,9 +19,9 @@ class Pass {
  public:
   using Stored = std::set<std::pair<int, std::string>>;  // step index and camera
 
-  // Frames go to `store` on another thread. All references must outlive the pass.
+  // Frames go to `target` on other threads. All references must outlive the pass.
   Pass(const std::string& name, const Sequence& sequence, const Rig& rig, const SessionOptions& options, Stored stored,
-       FrameKeeper::Store store);
+       FrameKeeper::Target target);
 
   const Sequence& sequence() const { return sequence_; }
   const Rig& rig() const { return rig_; }
@@ -59,6 +59,10 @@ class Pass {
 
   // Hands the frame on to be stored, unless it is there already (then it is discarded). Throws what storing threw.
   void keep(const db::Step& step, const CameraFeed& feed, CameraFrame frame);
+  // How many steps' frames may be held back together: `most`, or fewer where they would take more than a gigabyte.
+  std::size_t steps_together(std::size_t most) const;
+  // Whether keep() would take the frames of so many steps without waiting for the disk.
+  bool has_room(std::size_t steps) { return keeper_.has_room(steps * step_bytes()); }
   // Returns when all frames are stored.
   void finish() { keeper_.finish(); }
 
@@ -66,6 +70,7 @@ class Pass {
   [[noreturn]] void give_up(const db::Step& step, const CameraFeed& feed, const std::string& trouble) const;
 
  private:
+  std::size_t step_bytes() const;
   void show_progress(const db::Step& step);
 
   const Sequence& sequence_;

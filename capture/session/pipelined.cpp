@@ -24,9 +24,7 @@ class PipelinedPass {
   void run() {
     const core::Nanoseconds begin = pass_.now();
     for (const db::Step* step : steps_) {
-      if (!references_.contains(step->exposure_ns)) {
-        references_.emplace(step->exposure_ns, measure_triggered(pass_, step->exposure_ns));
-      }
+      if (!references_.contains(step->exposure_ns)) references_.emplace(step->exposure_ns, measure(step->exposure_ns));
     }
     for (const auto& [exposure, reference] : references_) {
       longest_trigger_ = std::max(longest_trigger_, reference.longest_trigger);
@@ -54,6 +52,18 @@ class PipelinedPass {
   }
 
  private:
+  Reference measure(core::Nanoseconds exposure) {
+    for (int attempt = 1;; ++attempt) {
+      try {
+        return measure_triggered(pass_, exposure);
+      } catch (const core::DeviceError& error) {
+        if (attempt >= pass_.options().attempts) throw;
+        core::warn(std::string(error.what()) + "; measuring the cameras' time stamps again");
+        pass_.forget_cameras();
+      }
+    }
+  }
+
   void load() {
     if (loaded_) return;
     std::vector<std::vector<LightLevel>> patterns;
@@ -64,8 +74,9 @@ class PipelinedPass {
 
   // Steps from this one on that follow each other with one exposure.
   std::span<const db::Step* const> run_from(std::size_t first) const {
+    const std::size_t longest = pass_.steps_together(kLongestRun);
     std::size_t end = first;
-    while (end < steps_.size() && end - first < kLongestRun && steps_[end]->exposure_ns == steps_[first]->exposure_ns) {
+    while (end < steps_.size() && end - first < longest && steps_[end]->exposure_ns == steps_[first]->exposure_ns) {
       ++end;
     }
     return std::span(steps_).subspan(first, end - first);
@@ -110,7 +121,7 @@ class PipelinedPass {
       const std::optional<core::Nanoseconds> lit =
           player_.wait_for_pattern(first + i + 1, pass_.now() + exposure + hold + kStrobeDelay);
       // Which pattern is lit is no longer known: the exposure may not have happened, or its strobe was not heard.
-      if (!lit) {
+      if (!lit || *lit < called || *lit > pass_.now()) {
         core::note(describe(*run[i]) + ": the controller heard no strobe; it and what follows are taken again");
         break;
       }

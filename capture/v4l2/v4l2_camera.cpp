@@ -37,6 +37,14 @@ std::string milliseconds(core::Nanoseconds time) {
 
 }  // namespace
 
+int picture_channels(const CameraDevice& device) {
+  const std::optional<std::uint32_t> fourcc = parse_fourcc(device.pixel_format);
+  const std::optional<PixelFormat> format = fourcc ? find_pixel_format(*fourcc) : std::nullopt;
+  if (!format)
+    throw core::BadInput("pixel format " + device.pixel_format + " cannot be measured in; correct the stage file");
+  return format->image_channels();
+}
+
 V4l2Camera::V4l2Camera(VideoSystem& system, core::Clock& clock, StageCamera camera, CameraDevice device)
     : system_(system),
       clock_(clock),

@@ -24,6 +24,9 @@ class V4l2Camera : public Camera {
   ~V4l2Camera() override;
 
   std::string name() const override { return camera_.name; }
+  std::optional<core::ImageSize> frame_size() const override {
+    return core::ImageSize{camera_.model.height, camera_.model.width, format_.image_channels()};
+  }
   void set_exposure(core::Nanoseconds exposure) override;
   void set_exposing(Exposing exposing) override;
   core::Nanoseconds frame_period() const override;

@@ -11,10 +11,12 @@
 #include "cli/jobs/provenance.h"
 #include "cli/jobs/stored_json.h"
 #include "cli/options.h"
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "db/object_room.h"
 #include "db/scan_loader.h"
 
 namespace lightstage::cli {
@@ -372,6 +374,18 @@ align::MotionTrack stored_motion(const db::Store& store, const db::Scan& scan, c
   return motion;
 }
 
+void require_room_for_alignment(const db::Store& store, const db::Scan& scan) {
+  std::uintmax_t bytes = 0;
+  for (const std::string& camera : scan.cameras) {
+    for (const db::Frame& frame : store.frames(scan.id, camera)) {
+      const core::ImageSize size = store.object_size(frame.object);
+      // The picture, or of a tracking frame the flow, and the confidence.
+      bytes += db::most_bytes(size) + db::most_bytes({size.height, size.width, 1});
+    }
+  }
+  core::require_room(store.folder(), bytes, "aligning '" + scan.name + "'");
+}
+
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options) {
   const bool tracked = std::any_of(scan.steps.begin(), scan.steps.end(),
                                    [](const db::Step& step) { return step.kind == db::StepKind::kTracking; });
@@ -380,6 +394,7 @@ AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOption
                            "' has no tracking frames to align by; capture with --tracking-every, or give --robust, "
                            "which registers pictures under different lights and is weaker");
   }
+  require_room_for_alignment(store, scan);
   AlignReport report;
   std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {

@@ -49,6 +49,9 @@ struct AlignReport {
 // tracking frames, and BadInput when the frames of more than half of a camera's lights could not be used.
 AlignReport align_scan(db::Store& store, const db::Scan& scan, const AlignOptions& options);
 
+// Throws StoreError where the disk has too little room for the pictures that aligning or registering the scan stores.
+void require_room_for_alignment(const db::Store& store, const db::Scan& scan);
+
 // Middle of a frame's exposure: the time whose pose the picture shows.
 core::Nanoseconds pose_time(const db::Scan& scan, const db::Frame& frame);
 

@@ -3,8 +3,14 @@
 #include <algorithm>
 #include <cmath>
 
+#include "capture/light_schedule.h"
+#include "capture/v4l2_cameras.h"
+#include "core/disk_space.h"
 #include "core/error.h"
+#include "core/progress.h"
+#include "core/text.h"
 #include "db/content_hash.h"
+#include "db/object_room.h"
 
 namespace lightstage::cli {
 
@@ -75,14 +81,17 @@ capture::Sequence board_sequence(const CaptureRequest& request, std::size_t ligh
   return sequence;
 }
 
-capture::Sequence default_sequence(const CaptureRequest& request, std::size_t lights) {
+constexpr int kTrackingEvery = 10;
+constexpr int kMostTrackingEvery = 200;
+
+capture::Sequence default_sequence(const CaptureRequest& request, std::size_t lights, int tracking_every) {
   if (request.exposure_ms.size() > 1 && (request.mirror_ball || request.grey_ball || request.chessboard)) {
     throw core::UsageError("--exposure: a pass of a ball or a board takes one exposure; give it once");
   }
   if (request.chessboard) return board_sequence(request, lights);
   capture::OlatOptions olat;
   olat.light_count = lights;
-  olat.tracking_every = scan_kind(request) == db::ScanKind::kOlat && !request.white_card ? request.tracking_every : 0;
+  olat.tracking_every = scan_kind(request) == db::ScanKind::kOlat && !request.white_card ? tracking_every : 0;
   if (request.white_card) olat.exposure = kCardExposure;
   if (request.mirror_ball) {
     // Around the LEDs' images in the mirror, in the full-on frame that its outline is found in, are only the dim
@@ -122,7 +131,48 @@ sim::Simulation plan_simulation(const CaptureRequest& request, capture::Stage st
   return simulation;
 }
 
+// The simulated devices' is known, real ones' is not before they have been used.
+std::vector<capture::Pace> paces(const CaptureProvenance& plan) {
+  // Exposures begin 4 standard deviations of the trigger's jitter late.
+  if (plan.simulation) return {{.overhead = 4 * plan.simulation->faults.trigger_jitter, .period = kSimulatedPeriod}};
+  return capture::possible_paces();
+}
+
+std::vector<std::string> exceeded(const CaptureProvenance& plan) {
+  return capture::exceeded_limits(plan.sequence, plan.stage.light_positions.size(), plan.stage.limits, paces(plan));
+}
+
+void use_sequence(const CaptureRequest& request, capture::Sequence sequence, CaptureProvenance& plan) {
+  plan.sequence = std::move(sequence);
+  plan.pass_steps = plan.sequence.steps.size();
+  if (request.timing) plan.sequence.timing = *request.timing;
+  if (request.settle_ms) plan.sequence.settle = core::from_units(*request.settle_ms, core::kMillisecond);
+}
+
+// The fewest lights between tracking frames, at least so many, with which the default sequence keeps the limits.
+std::optional<int> harmless_tracking(const CaptureRequest& request, int least, CaptureProvenance plan) {
+  const std::size_t lights = plan.stage.light_positions.size();
+  for (int every = least; every <= kMostTrackingEvery; every += std::max(1, every / 8)) {
+    use_sequence(request, default_sequence(request, lights, every), plan);
+    if (exceeded(plan).empty()) return every;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
+
+void require_within_limits(CaptureProvenance& plan, bool i_know) {
+  plan.exceeded_limits = exceeded(plan);
+  if (plan.exceeded_limits.empty()) return;
+  const std::string text = core::joined(plan.exceeded_limits, "; ");
+  if (!i_know) {
+    throw core::UsageError(text +
+                           "; take fewer tracking frames (--tracking-every), dim them by `pattern` steps of a sequence "
+                           "file, or go more slowly "
+                           "(--settle); --i-know takes it as it is, when nobody can be harmed");
+  }
+  core::warn(text + "; taken all the same (--i-know), except for what the controllers themselves do not do");
+}
 
 db::ScanKind scan_kind(const CaptureRequest& request) {
   if (request.mirror_ball) return db::ScanKind::kMirrorBall;
@@ -151,12 +201,38 @@ CaptureProvenance plan_capture(const CaptureRequest& request) {
     }
   }
   const std::size_t lights = provenance.stage.light_positions.size();
-  provenance.sequence = request.sequence_file.empty() ? default_sequence(request, lights)
-                                                      : capture::read_sequence(request.sequence_file, lights);
-  provenance.pass_steps = provenance.sequence.steps.size();
-  if (request.timing) provenance.sequence.timing = *request.timing;
-  if (request.settle_ms) provenance.sequence.settle = core::from_units(*request.settle_ms, core::kMillisecond);
+  int every = request.tracking_every.value_or(kTrackingEvery);
+  const bool tracks = scan_kind(request) == db::ScanKind::kOlat && !request.white_card && request.sequence_file.empty();
+  if (tracks && !request.tracking_every && !request.i_know) {
+    use_sequence(request, default_sequence(request, lights, every), provenance);
+    every = harmless_tracking(request, every, provenance).value_or(every);
+    if (every != kTrackingEvery) {
+      core::note("a tracking frame before every " + std::to_string(every) + "th light, not every " +
+                 std::to_string(kTrackingEvery) + "th: these would flash too often ([limits] of the stage file)");
+    }
+  }
+  use_sequence(request,
+               request.sequence_file.empty() ? default_sequence(request, lights, every)
+                                             : capture::read_sequence(request.sequence_file, lights),
+               provenance);
+  require_within_limits(provenance, request.i_know);
   return provenance;
+}
+
+void require_room(const db::Store& store, const std::string& name, const CaptureProvenance& plan) {
+  const std::optional<db::Scan> scan = store.find_scan(name);
+  std::uintmax_t bytes = 0;
+  std::size_t missing = 0;
+  for (std::size_t i = 0; i < plan.stage.cameras.size(); ++i) {
+    const capture::StageCamera& camera = plan.stage.cameras[i];
+    core::ImageSize size{camera.model.height, camera.model.width, 3};
+    if (!plan.simulation) size.channels = capture::picture_channels(plan.stage.hardware.cameras[i]);
+    const std::size_t stored = scan ? store.frames(scan->id, camera.name).size() : 0;
+    const std::size_t frames = plan.sequence.steps.size() - std::min(stored, plan.sequence.steps.size());
+    bytes += db::most_bytes(size, frames);
+    missing += frames;
+  }
+  core::require_room(store.folder(), bytes, "capturing '" + name + "' (" + std::to_string(missing) + " frames)");
 }
 
 db::Scan begin_scan(db::Store& store, const std::string& name, const CaptureRequest& request,

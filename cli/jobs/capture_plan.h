@@ -11,16 +11,21 @@
 
 namespace lightstage::cli {
 
+// Cameras of simulated stages take 60 pictures a second; everything else there is as fast as can be.
+constexpr core::Nanoseconds kSimulatedPeriod = core::kSecond / 60;
+
 struct CaptureRequest {
   std::filesystem::path stage_file;
   std::filesystem::path sequence_file;  // empty: every light once
   bool mirror_ball = false, grey_ball = false, chessboard = false, white_card = false;
   int board_views = 20;  // of a chessboard: frames under all lights, between which it is moved
-  int tracking_every = 10;
+  // A tracking frame before every so many lights, 0: none; not given: 10, or as many more as it takes not to flash too often.
+  std::optional<int> tracking_every;
   std::vector<double>
       exposure_ms;  // of every light; several are a bracket, whose middle one counts as the usual exposure
   std::optional<capture::Timing> timing;
   std::optional<double> settle_ms;
+  bool i_know = false;  // take a sequence that exceeds the limits of the stage's lights
 
   // Of a simulated stage.
   bool simulate = false;
@@ -36,12 +41,19 @@ struct CaptureRequest {
   std::vector<int> drop;
 };
 
-// Reads the files. Throws BadInput for what is wrong with them, UsageError for requests that contradict themselves. The
+// Reads the files. Throws BadInput for what is wrong with them, UsageError for requests that contradict themselves, and for a sequence that exceeds the
+// limits of the stage's lights (capture/light_schedule.h) unless the request says `i_know`. The
 // exposures of a real stage's default sequence are whole tenths of a millisecond, which is what V4L2 cameras count in.
 CaptureProvenance plan_capture(const CaptureRequest& request);
 
+// As said there, for a plan whose sequence has changed: which limits it exceeds goes into the plan.
+void require_within_limits(CaptureProvenance& plan, bool i_know);
+
 // Of what stands on the stage.
 db::ScanKind scan_kind(const CaptureRequest& request);
+
+// Throws StoreError unless the store's disk has room for the frames that a pass of that name still lacks, in one line that says how much that is.
+void require_room(const db::Store& store, const std::string& name, const CaptureProvenance& plan);
 
 // Adds the scan, without frames. Throws UsageError for a name that exists.
 db::Scan begin_scan(db::Store& store, const std::string& name, const CaptureRequest& request,

@@ -18,6 +18,7 @@ std::string to_json(const CaptureProvenance& provenance) {
                     {"sequence_toml", capture::to_toml(provenance.sequence)}};
   if (provenance.pass_steps < provenance.sequence.steps.size()) json["pass_steps"] = provenance.pass_steps;
   if (provenance.simulation) json["simulation"] = ordered_json::parse(sim::to_json(*provenance.simulation));
+  if (!provenance.exceeded_limits.empty()) json["i_know"] = provenance.exceeded_limits;
   return json_text(json);
 }
 
@@ -41,6 +42,7 @@ CaptureProvenance capture_provenance(const db::Scan& scan) {
     provenance.sequence = capture::parse_sequence(json["sequence_toml"].get<std::string>(), where,
                                                   provenance.stage.light_positions.size());
     provenance.pass_steps = json.value("pass_steps", provenance.sequence.steps.size());
+    provenance.exceeded_limits = json.value("i_know", std::vector<std::string>());
     if (json.contains("simulation")) provenance.simulation = sim::simulation_from_json(json["simulation"].dump());
     return provenance;
   });

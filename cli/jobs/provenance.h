@@ -3,6 +3,7 @@
 
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "capture/sequence.h"
 #include "capture/stage.h"
@@ -17,6 +18,8 @@ struct CaptureProvenance {
   // Of the sequence: the steps of the pass itself. Those from here on take lights again (cli/jobs/retake.h).
   std::size_t pass_steps = 0;
   std::optional<sim::Simulation> simulation;  // its stage is `stage`
+  // Which limits of the stage's lights (capture/light_limits.h) the sequence exceeds, in words: somebody took it all the same, by --i-know.
+  std::vector<std::string> exceeded_limits;
 };
 
 std::string to_json(const CaptureProvenance& provenance);

@@ -110,6 +110,7 @@ void register_camera(db::Store& store, const db::Scan& scan, const std::string& 
 }  // namespace
 
 RegisterReport register_scan(db::Store& store, const db::Scan& scan) {
+  require_room_for_alignment(store, scan);
   RegisterReport report;
   std::vector<db::NewProduct> products;
   for (const std::string& camera : scan.cameras) {

@@ -7,10 +7,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "core/sphere.h"
+#include "db/object_room.h"
+#include "db/scan_lock.h"
 
 namespace lightstage::cli {
 
@@ -46,19 +49,20 @@ db::Scan begin_virtual_scan(db::Store& store, const db::LoadedScan& source, cons
     light.light.direction = directions[i];
     lights.push_back(light);
   }
-  const db::Id id = store.add_scan(scan);
-  calibration.scan_id = id;
-  calibration.input_scans = {source_scan.id};
-  store.add_calibration(calibration, lights);
-
   db::NewProduct mask;
   mask.kind = "mask";
-  mask.scan_id = id;
   mask.parameters = "{}";
   mask.input_scans = {source_scan.id};
   mask.images = {{.role = "mask", .index = 0, .object = store.put_object(source.scan.mask())}};
-  store.add_product(mask);
-  return store.scan(id);
+  calibration.input_scans = {source_scan.id};
+  // At once: what an interruption leaves is a scan with all that belongs to it but pictures, or nothing.
+  store.atomically([&] {
+    const db::Id id = store.add_scan(scan);
+    calibration.scan_id = mask.scan_id = id;
+    store.add_calibration(calibration, lights);
+    store.add_product(mask);
+  });
+  return store.scan(name);
 }
 
 }  // namespace
@@ -86,6 +90,14 @@ std::vector<core::Direction> virtual_directions(const std::vector<core::Directio
 SuperresReport superres(db::Store& store, const db::LoadedScan& source, const db::Scan& source_scan,
                         const model::LightInterpolator& interpolator, const std::string& parameters,
                         const std::vector<core::Direction>& directions, const std::string& out) {
+  const std::optional<db::Scan> existing = store.find_scan(out);
+  const std::size_t there = existing ? store.frames(existing->id).size() : 0;
+  std::optional<db::ScanLock> alone;
+  if (there < directions.size()) {
+    core::require_room(store.folder(), db::most_bytes(source.scan.image_size(), directions.size() - there),
+                       "super-resolving '" + out + "'");
+    alone.emplace(store.folder(), out, "is being rendered");
+  }
   const db::Scan scan = begin_virtual_scan(store, source, source_scan, parameters, directions, out);
   std::set<int> stored;
   for (const db::Frame& frame : store.frames(scan.id)) stored.insert(frame.step_index);

@@ -3,12 +3,14 @@
 
 #include <algorithm>
 #include <limits>
+#include <mutex>
 
 #include "core/display.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/image_file.h"
 #include "core/image_io/format.h"
+#include "core/image_io/plain_exr.h"
 #include "core/text.h"
 
 namespace lightstage::core {
@@ -52,7 +54,7 @@ Image encoded(ImageView image, PixelType type, bool srgb, float lowest, float hi
   return result;
 }
 
-OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Format& format, bool srgb) {
+OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Format& format, bool srgb, bool compressed) {
   OIIO::ImageSpec spec(size.width, size.height, size.channels, oiio_type(type));
   if (size.channels <= 2)
     spec.channelnames = size.channels == 1 ? std::vector<std::string>{"Y"} : std::vector<std::string>{"Y", "A"};
@@ -68,7 +70,7 @@ OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Forma
     spec.attribute("tiff:write_exif", 0);  // which fails in memory, and there is nothing to put in
   }
   if (plugin == "openexr") {
-    spec.attribute("Compression", "zip");
+    spec.attribute("Compression", compressed ? "zip" : "none");
     if (!srgb && size.channels >= 3) {
       // Rec. 709 primaries and D65 white, in the two ways that readers of EXR look for.
       constexpr float kChromaticities[8] = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
@@ -77,6 +79,38 @@ OIIO::ImageSpec fresh_spec(ImageSize size, PixelType type, const image_io::Forma
     }
   }
   return spec;
+}
+
+// By the library, in memory first: several of the libraries below do not report a full disk.
+std::vector<unsigned char> encode(const image_io::Format& format, const fs::path& path, const OIIO::ImageSpec& spec,
+                                  const Image& values) {
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput sink(bytes);
+  const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(format.plugin);
+  const auto fail = [&](const std::string& problem) {
+    return BadInput("cannot write " + path.string() + ": " + problem);
+  };
+  if (output == nullptr || !output->set_ioproxy(&sink)) throw fail("OpenImageIO cannot write this format");
+  const bool written = output->open(path.string(), spec) &&
+                       output->write_image(OIIO::TypeDesc::FLOAT, values.values().data()) && output->close();
+  if (!written) throw fail(output->geterror());
+  return bytes;
+}
+
+// What stands before the pixels of uncompressed EXRs, as the library writes it. Cameras take many pictures of one size, so the last one's is kept.
+std::vector<unsigned char> plain_header(const image_io::Format& format, ImageSize size) {
+  static std::mutex mutex;
+  static ImageSize last;
+  static std::vector<unsigned char> header;
+  const std::lock_guard lock(mutex);
+  if (!(last == size)) {
+    std::vector<unsigned char> file =
+        encode(format, "black.exr", fresh_spec(size, PixelType::kHalf, format, false, false), Image(size));
+    file.resize(image_io::pixels_begin(file, size));
+    header = std::move(file);
+    last = size;
+  }
+  return header;
 }
 
 }  // namespace
@@ -94,24 +128,18 @@ std::vector<unsigned char> encode_image(const fs::path& path, ImageView image, c
     throw fail("this format cannot hold " + std::to_string(image.channels()) + " channels");
   const PixelType type = options.pixel_type.value_or(format.pixel_types.front());
   if (!holds(format.pixel_types, type)) throw fail("this format cannot hold that type of pixel");
-  require_finite(image, "cannot write " + path.string());
-
   const bool srgb = options.encoding == Encoding::kAuto ? is_integer(type) : options.encoding == Encoding::kSrgb;
+  if (!options.compressed && std::string_view(format.plugin) == "openexr" && type == PixelType::kHalf && !srgb) {
+    std::vector<unsigned char> bytes = image_io::plain_exr(plain_header(format, image.size()), image);
+    if (!bytes.empty()) return bytes;
+  }
+  require_finite(image, "cannot write " + path.string());
   float highest = std::numeric_limits<float>::max(), lowest = -highest;
   if (is_integer(type)) lowest = 0, highest = 1;
   if (type == PixelType::kHalf) lowest = -kLargestHalf, highest = kLargestHalf;
   if (std::string_view(format.plugin) == "hdr") lowest = 0;  // RGBE has no sign
   const Image values = encoded(image, type, srgb, lowest, highest);
-
-  // Encoded in memory first: several of the libraries below do not report a full disk.
-  std::vector<unsigned char> bytes;
-  OIIO::Filesystem::IOVecOutput sink(bytes);
-  const std::unique_ptr<OIIO::ImageOutput> output = OIIO::ImageOutput::create(format.plugin);
-  if (output == nullptr || !output->set_ioproxy(&sink)) throw fail("OpenImageIO cannot write this format");
-  const bool written = output->open(path.string(), fresh_spec(image.size(), type, format, srgb)) &&
-                       output->write_image(OIIO::TypeDesc::FLOAT, values.values().data()) && output->close();
-  if (!written) throw fail(output->geterror());
-  return bytes;
+  return encode(format, path, fresh_spec(image.size(), type, format, srgb, options.compressed), values);
 }
 
 void write_image(const fs::path& path, ImageView image, const WriteOptions& options) {

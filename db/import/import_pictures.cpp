@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
@@ -14,6 +15,7 @@
 #include "db/check/thumbnail.h"
 #include "db/importers.h"
 #include "db/load/light_image.h"
+#include "db/object_room.h"
 
 namespace lightstage::db {
 
@@ -275,6 +277,8 @@ ImportReport import_pictures(Store& store, const PictureSet& set, const std::str
   const NewScan scan = scan_of(set, inspection, name, stored_as);
   const std::vector<CalibratedLight> lights = calibration_of(set, inspection);
 
+  const std::size_t pictures = set.pictures.size() + (set.ambient ? 1 : 0) + (set.mask ? 1 : 0);
+  core::require_room(store.folder(), most_bytes(inspection.size, pictures), "importing '" + name + "'");
   std::vector<ContentHash> objects;
   core::Progress progress("import " + name, set.pictures.size());
   for (std::size_t i = 0; i < set.pictures.size(); ++i) {

@@ -6,6 +6,7 @@
 #include <mutex>
 #include <set>
 
+#include "core/disk_space.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/interrupt.h"
@@ -21,6 +22,8 @@ namespace fs = std::filesystem;
 
 namespace {
 
+constexpr std::uintmax_t kFileOverhead = 4096;  // of the file system: files take whole blocks
+
 std::string store_id(SQLite::Database& database) {
   return database.execAndGet("SELECT store_id FROM identity").getString();
 }
@@ -29,28 +32,6 @@ bool same_place(const fs::path& a, const fs::path& b) {
   std::error_code error;
   return fs::equivalent(a, b, error) && !error;
 }
-
-// The catalogue as it is at one moment, in a file of its own.
-class Snapshot {
- public:
-  Snapshot(SQLite::Database& source, const fs::path& folder) : path_(folder / "incoming.sqlite") {
-    remove();
-    SQLite::Database copy = open_checked(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    SQLite::Backup(copy, source).executeStep();
-  }
-  ~Snapshot() { remove(); }
-  Snapshot(const Snapshot&) = delete;
-  Snapshot& operator=(const Snapshot&) = delete;
-
-  SQLite::Database open() const { return open_checked(path_, SQLite::OPEN_READWRITE); }
-
- private:
-  void remove() const {
-    std::error_code ignored;
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_.string() + suffix, ignored);
-  }
-  fs::path path_;
-};
 
 std::vector<OwnedObject> all_objects(SQLite::Database& database) {
   std::vector<OwnedObject> objects = objects_of_no_scan(database);
@@ -66,6 +47,47 @@ std::vector<OwnedObject> all_objects(SQLite::Database& database) {
                 objects.end());
   return objects;
 }
+
+// The catalogue as it is at one moment, in a file of its own.
+class Snapshot {
+ public:
+  Snapshot(SQLite::Database& source, const fs::path& folder) : path_(folder / "incoming.sqlite") {
+    remove();
+    SQLite::Database copy = open_checked(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+    SQLite::Backup(copy, source).executeStep();
+  }
+  ~Snapshot() { remove(); }
+  Snapshot(const Snapshot&) = delete;
+  Snapshot& operator=(const Snapshot&) = delete;
+
+  const fs::path& path() const { return path_; }
+  std::vector<OwnedObject> objects() const {
+    SQLite::Database database = open();
+    return all_objects(database);
+  }
+
+  // Makes it the folder's catalogue: whole or not at all, and to programs that read the earlier one in one transaction.
+  void install() const {
+    const fs::path target = path_.parent_path() / catalogue_path({});
+    std::error_code none;
+    if (!fs::exists(target, none) || fs::is_empty(target, none)) {
+      put_catalogue(path_, path_.parent_path());
+      return;
+    }
+    SQLite::Database earlier = open_checked(target, SQLite::OPEN_READWRITE);
+    SQLite::Database source = open();
+    earlier.exec("PRAGMA synchronous = FULL");
+    SQLite::Backup(earlier, source).executeStep();
+  }
+
+ private:
+  SQLite::Database open() const { return open_checked(path_, SQLite::OPEN_READWRITE); }
+  void remove() const {
+    std::error_code ignored;
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_.string() + suffix, ignored);
+  }
+  fs::path path_;
+};
 
 // Networks that the store keeps: few and replaced whole, told apart by size and time as by make.
 void copy_models(const fs::path& from, const fs::path& to, BackupReport& report) {
@@ -83,6 +105,19 @@ void copy_models(const fs::path& from, const fs::path& to, BackupReport& report)
     fs::last_write_time(target, entry->last_write_time());
     report.copied_bytes += entry->file_size();
   }
+}
+
+// Throws StoreError where the backup's disk has no room for what is to be copied: objects that it lacks, and twice the catalogue (beside the one that it replaces).
+void require_room_for(const std::vector<OwnedObject>& objects, const ObjectFiles& from, const ObjectFiles& to,
+                      std::uintmax_t catalogue) {
+  std::uintmax_t bytes = 2 * catalogue;
+  for (const OwnedObject& object : objects) {
+    std::error_code none;
+    if (fs::exists(to.path(object.hash), none)) continue;
+    const std::uintmax_t size = fs::file_size(from.path(object.hash), none);
+    if (!none) bytes += size + kFileOverhead;
+  }
+  core::require_room(to.folder(), bytes, "the backup");
 }
 
 }  // namespace
@@ -108,10 +143,10 @@ BackupReport Store::back_up(const fs::path& folder) const {
       }
     }
     const Snapshot snapshot(impl_->database, folder);
-    SQLite::Database catalogue = snapshot.open();
-    const std::vector<OwnedObject> objects = all_objects(catalogue);
+    const std::vector<OwnedObject> objects = snapshot.objects();
     report.objects = objects.size();
     const ObjectFiles files(folder);
+    require_room_for(objects, impl_->objects, files, fs::file_size(snapshot.path()));
     std::vector<std::string> problems(objects.size());
     std::atomic<std::size_t> copied = 0;
     std::atomic<std::uint64_t> bytes = 0;
@@ -137,10 +172,7 @@ BackupReport Store::back_up(const fs::path& folder) const {
     report.copied = copied;
     report.copied_bytes = bytes;
     copy_models(this->folder(), folder, report);
-    // One transaction of the target: whole or not at all.
-    SQLite::Database target = open_checked(catalogue_path(folder), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
-    target.exec("PRAGMA synchronous = FULL");
-    SQLite::Backup(target, catalogue).executeStep();
+    snapshot.install();
   });
   sync_folder(folder);
   return report;

@@ -12,18 +12,19 @@
 #include "core/file.h"
 #include "core/file_lock.h"
 #include "core/scratch_folder.h"
+#include "db/store/bare_file.h"
 #include "db/store/foreign_catalogue.h"
+#include "db/store/lock_holders.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
 #include "db/store/page_checks.h"
+#include "db/store/write_ahead_log.h"
 
 namespace lightstage::db {
 
 namespace fs = std::filesystem;
 
 namespace {
-
-constexpr int kBusyTimeoutMs = 20'000;
 
 struct Identity {
   int application_id = 0;
@@ -45,10 +46,9 @@ std::optional<Identity> identity_with_log(const fs::path& database) {
   const fs::path copy = scratch.path() / "look.sqlite";
   {
     constexpr std::size_t kLargestPage = 65536;
-    std::array<char, kLargestPage> page{};
-    std::ifstream source(database, std::ios::binary);
-    source.read(page.data(), page.size());
-    std::ofstream(copy, std::ios::binary).write(page.data(), source.gcount());
+    std::array<unsigned char, kLargestPage> page{};
+    const std::size_t size = BareFile(database).read(0, page);
+    std::ofstream(copy, std::ios::binary).write(reinterpret_cast<const char*>(page.data()), std::streamsize(size));
   }
   fs::copy_file(log, copy.string() + "-wal", error);
   // Whoever used the store has closed it just now, which leaves everything in the database itself.
@@ -63,15 +63,12 @@ std::optional<Identity> identity_with_log(const fs::path& database) {
 std::optional<Identity> look_at(const fs::path& database) {
   // https://www.sqlite.org/fileformat.html, section 1.3: magic at 0, user version at 60, application id at 68.
   constexpr std::size_t kHeaderSize = 100;
-  std::array<char, kHeaderSize> header{};
-  std::ifstream file(database, std::ios::binary);
-  file.read(header.data(), header.size());
-  if (file.gcount() != std::streamsize(kHeaderSize) || std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
+  std::array<unsigned char, kHeaderSize> header{};
+  if (BareFile(database).read(0, header) != kHeaderSize || std::memcmp(header.data(), "SQLite format 3", 16) != 0) {
     return std::nullopt;
   }
   if (const auto identity = identity_with_log(database)) return identity;
-  const auto* bytes = reinterpret_cast<const unsigned char*>(header.data());
-  return Identity{big_endian(bytes + 68), big_endian(bytes + 60)};
+  return Identity{big_endian(header.data() + 68), big_endian(header.data() + 60)};
 }
 
 void refuse_newer(const fs::path& store_folder, int version) {
@@ -90,6 +87,7 @@ void configure(SQLite::Database& database, const fs::path& store_folder) {
     throw core::StoreError(store_folder.string() +
                            ": the file system cannot hold a write-ahead log; keep the store on a local disk");
   }
+  bound_log(database);
 }
 
 }  // namespace
@@ -116,7 +114,7 @@ SQLite::Database create_catalogue(const fs::path& store_folder) {
         migrate(database);
         configure(database, store_folder);
       }
-      core::move_file_durably(made, path);
+      put_catalogue(made, store_folder);
     }
     SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
     configure(database, store_folder);
@@ -157,6 +155,16 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
   });
 }
 
+void put_catalogue(const fs::path& made, const fs::path& store_folder) {
+  const fs::path path = catalogue_path(store_folder);
+  std::error_code none;
+  if (fs::exists(path.string() + "-wal", none)) {
+    throw core::StoreError(path.string() +
+                           "-wal: this log of a catalogue that is gone is in the way; move it to another folder");
+  }
+  core::move_file_durably(made, path);
+}
+
 void throw_if_newer(const fs::path& store_folder) {
   const std::optional<Identity> identity = look_at(catalogue_path(store_folder));
   if (identity && identity->application_id == kApplicationId) refuse_newer(store_folder, identity->version);
@@ -166,9 +174,12 @@ core::StoreError explained(const SQLite::Exception& error, const fs::path& store
   std::string text = store_folder.string() + ": ";
   switch (error.getErrorCode()) {
     case SQLITE_BUSY:
-    case SQLITE_LOCKED:
-      text += "another program has been writing to this store for too long; try again when it is done";
+    case SQLITE_LOCKED: {
+      const std::string holders = lock_holders(store_folder);
+      text += (holders.empty() ? "another program" : holders) +
+              " has been writing to this store for too long; try again when it is done";
       break;
+    }
     case SQLITE_FULL:
       text += "the disk is full; nothing of this step was stored";
       break;

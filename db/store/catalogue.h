@@ -18,6 +18,10 @@ SQLite::Database create_catalogue(const std::filesystem::path& store_folder);
 // newer one is not touched: no byte of it, of its journal or of its folder changes.
 SQLite::Database open_catalogue(const std::filesystem::path& store_folder);
 
+// Moves a catalogue that was made elsewhere on the same file system to its place, durably. Throws StoreError when the log of an earlier one lies there,
+// which SQLite would take for its own.
+void put_catalogue(const std::filesystem::path& made, const std::filesystem::path& store_folder);
+
 // Throws StoreError when the file is a catalogue of a newer schema; says nothing of any other.
 void throw_if_newer(const std::filesystem::path& store_folder);
 

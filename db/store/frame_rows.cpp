@@ -65,6 +65,18 @@ void Store::Impl::check_frame(const NewFrame& frame, core::ImageSize size) const
   }
 }
 
+Id Store::Impl::enter_frame(const NewFrame& frame, const ContentHash& object, core::ImageSize size) {
+  check_frame(frame, size);
+  know_object(object, size);
+  change(
+      "INSERT OR REPLACE INTO frames "
+      "(scan_id, camera, step_index, timestamp_ns, sequence_number, attempt, saturation, object) "
+      "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+      frame.scan_id, frame.camera, frame.step_index, frame.timestamp_ns, frame.sequence_number, frame.attempt,
+      frame.saturation, object);
+  return Id(database.getLastInsertRowid());
+}
+
 Id Store::put_frame(const NewFrame& frame, core::ImageView image) {
   // Before the object is written, so that a frame that cannot be taken leaves nothing behind.
   explaining(folder(), [&] { impl_->check_frame(frame, image.size()); });
@@ -72,16 +84,26 @@ Id Store::put_frame(const NewFrame& frame, core::ImageView image) {
 }
 
 Id Store::add_frame(const NewFrame& frame, const ContentHash& object) {
+  return impl_->write([&] { return impl_->enter_frame(frame, object, impl_->size_of(object)); });
+}
+
+UnsyncedFrame Store::begin_frame(const NewFrame& frame, core::ImageView image) const {
+  return {frame, impl_->objects.begin(image, false)};
+}
+
+std::vector<Id> Store::finish_frames(std::vector<UnsyncedFrame> frames) {
+  explaining(folder(), [&] {
+    for (const UnsyncedFrame& unsynced : frames) impl_->check_frame(unsynced.frame, unsynced.object.size);
+  });
+  std::vector<UnsyncedObject*> objects;
+  for (UnsyncedFrame& unsynced : frames) objects.push_back(&unsynced.object);
+  impl_->objects.finish(objects);
   return impl_->write([&] {
-    impl_->check_frame(frame, impl_->size_of(object));
-    impl_->know_object(object);
-    impl_->change(
-        "INSERT OR REPLACE INTO frames "
-        "(scan_id, camera, step_index, timestamp_ns, sequence_number, attempt, saturation, object) "
-        "VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-        frame.scan_id, frame.camera, frame.step_index, frame.timestamp_ns, frame.sequence_number, frame.attempt,
-        frame.saturation, object);
-    return Id(impl_->database.getLastInsertRowid());
+    std::vector<Id> ids;
+    for (const UnsyncedFrame& unsynced : frames) {
+      ids.push_back(impl_->enter_frame(unsynced.frame, unsynced.object.hash, unsynced.object.size));
+    }
+    return ids;
   });
 }
 

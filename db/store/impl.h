@@ -79,8 +79,11 @@ struct Store::Impl {
   std::optional<Product> first_product(const std::string& condition, const Values&... values) const;
   // From the catalogue, or from the file's header for an object that nothing refers to yet.
   core::ImageSize size_of(const ContentHash& hash) const;
-  // Enters the object into the catalogue, before the first row that refers to it.
+  // Enters the object into the catalogue, before the first row that refers to it. StoreError when its file is not there (any more).
   void know_object(const ContentHash& hash);
+  void know_object(const ContentHash& hash, core::ImageSize size);
+  // Within a transaction: the row of a frame whose object is durable. Throws as check_frame.
+  Id enter_frame(const NewFrame& frame, const ContentHash& object, core::ImageSize size);
   // Throws BadInput unless the scan has this camera and step and the camera's other frames are of this size.
   void check_frame(const NewFrame& frame, core::ImageSize size) const;
 

@@ -35,60 +35,86 @@ fs::path ObjectFiles::path(const ContentHash& hash) const {
   return folder() / name.substr(0, 2) / (name + kExtension);
 }
 
-// Calls write(target), which puts the object there durably.
-template <class Write>
-void ObjectFiles::place(const ContentHash& hash, const Write& write) const {
-  const fs::path target = path(hash);
+// What failed while an object was written is the disk: its bytes are sound.
+template <class Work>
+auto ObjectFiles::placing(const Work& work) const {
   try {
-    // Links that came with a stranger's store would be written through.
-    if (fs::is_symlink(target.parent_path())) {
-      throw core::StoreError(target.parent_path().string() +
-                             ": is a symbolic link; objects lie in the store's own folders");
-    }
-    if (fs::is_symlink(target)) fs::remove(target);
-    fs::create_directories(target.parent_path());
-    write(target);
-    // Whoever made the folder may not have come to this line yet. Of a folder that has not changed it costs next to nothing.
-    sync_folder(folder());
-  } catch (const core::BadInput& error) {  // the bytes are sound: what is left is the disk
+    return work();
+  } catch (const core::BadInput& error) {
     throw core::StoreError(error.what());
   } catch (const fs::filesystem_error& error) {
-    throw core::StoreError(target.string() + ": cannot be written: " + error.code().message());
+    throw core::StoreError(error.path1().string() + ": cannot be written: " + error.code().message());
   }
 }
 
-ContentHash ObjectFiles::write(core::ImageView image) const {
+// Where the object goes, its folder made.
+fs::path ObjectFiles::place_for(const ContentHash& hash) const {
+  const fs::path target = path(hash);
+  // Links that came with a stranger's store would be written through.
+  if (fs::is_symlink(target.parent_path())) {
+    throw core::StoreError(target.parent_path().string() +
+                           ": is a symbolic link; objects lie in the store's own folders");
+  }
+  if (fs::is_symlink(target)) fs::remove(target);
+  fs::create_directories(target.parent_path());
+  return target;
+}
+
+UnsyncedObject ObjectFiles::begin(core::ImageView image, bool compressed) const {
   if (image.empty()) throw core::BadInput("an image without pixels cannot be stored");
   if (image.channels() > 4) {
     throw core::BadInput("an image of " + std::to_string(image.channels()) + " channels cannot be stored (at most 4)");
   }
-  core::require_finite(image, "image to store");
-
-  const std::vector<unsigned char> bytes =
-      core::encode_image(std::string("object") + kExtension, image, {.pixel_type = core::PixelType::kHalf});
+  std::vector<unsigned char> bytes;
+  try {
+    bytes = core::encode_image(std::string("object") + kExtension, image,
+                               {.pixel_type = core::PixelType::kHalf, .compressed = compressed});
+  } catch (const core::BadInput&) {  // not asked before: looking costs as much as encoding
+    core::require_finite(image, "image to store");
+    throw;
+  }
   const ContentHash hash = hash_bytes(bytes);
-  place(hash, [&](const fs::path& target) {
-    core::write_file_atomically(target, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+  return placing([&] { return UnsyncedObject{core::UnsyncedFile(place_for(hash), bytes), hash, image.size()}; });
+}
+
+void ObjectFiles::finish(std::span<UnsyncedObject* const> objects) const {
+  std::vector<core::UnsyncedFile*> files;
+  for (UnsyncedObject* object : objects) files.push_back(&object->file);
+  placing([&] {
+    core::UnsyncedFile::keep(files);
+    // Whoever made the objects' folders may not have come to this line yet. Of a folder that has not changed it costs next to nothing.
+    sync_folder(folder());
   });
-  return hash;
+}
+
+ContentHash ObjectFiles::write(core::ImageView image) const {
+  UnsyncedObject object = begin(image, true);
+  UnsyncedObject* const all[] = {&object};
+  finish(all);
+  return object.hash;
 }
 
 std::uintmax_t ObjectFiles::adopt(const fs::path& file, const ContentHash& hash) const {
   std::uintmax_t size = 0;
-  place(hash, [&](const fs::path& target) {
-    core::replace_file_atomically(target, [&](const fs::path& temporary) {
+  placing([&] {
+    core::replace_file_atomically(place_for(hash), [&](const fs::path& temporary) {
       fs::copy_file(file, temporary);
       if (hash_file(temporary) != hash) throw core::StoreError(file.string() + ": its bytes do not match its name");
       size = fs::file_size(temporary);
     });
+    sync_folder(folder());
   });
   return size;
 }
 
+bool ObjectFiles::exists(const ContentHash& hash) const {
+  std::error_code error;
+  return fs::exists(path(hash), error);
+}
+
 std::optional<std::string> ObjectFiles::problem(const ContentHash& hash) const {
   const fs::path file = path(hash);
-  std::error_code error;
-  if (!fs::exists(file, error)) return "is missing";
+  if (!exists(hash)) return "is missing";
   try {
     if (hash_file(file) != hash) return "is damaged: its bytes do not match its name";
   } catch (const core::StoreError& unreadable) {

@@ -4,11 +4,13 @@
 
 #include <filesystem>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "core/image.h"
 #include "db/content_hash.h"
+#include "db/unsynced_object.h"
 
 namespace lightstage::db {
 
@@ -19,11 +21,17 @@ class ObjectFiles {
  public:
   explicit ObjectFiles(std::filesystem::path store_folder) : store_folder_(std::move(store_folder)) {}
 
+  // The first half of writing: encodes half floats, with ZIP compression or none, and leaves the file on its way to the disk. Throws as write.
+  UnsyncedObject begin(core::ImageView image, bool compressed) const;
+  // The second half, for many at once: returns once files and names are durable. What has a name already is replaced by the same bytes.
+  // Throws StoreError when the disk fails.
+  void finish(std::span<UnsyncedObject* const> objects) const;
   // Writes half floats, ZIP-compressed, and returns once file and name are durable. What has that name already is replaced by the same bytes
   // (so that it is as young as any new object). Throws BadInput for an image that is empty or not finite
   // or has more than 4 channels, StoreError when the disk fails.
   ContentHash write(core::ImageView image) const;
 
+  bool exists(const ContentHash& hash) const;
   // Throws StoreError when the object is missing or damaged.
   core::Image read(const ContentHash& hash) const;
   // From the file's header alone, which does not prove the rest sound. Throws as read.
@@ -46,8 +54,9 @@ class ObjectFiles {
   Listing list() const;
 
  private:
-  template <class Write>
-  void place(const ContentHash& hash, const Write& write) const;
+  template <class Work>
+  auto placing(const Work& work) const;
+  std::filesystem::path place_for(const ContentHash& hash) const;
 
   std::filesystem::path store_folder_;
 };

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cstdint>
 #include <cstring>
-#include <fstream>
 #include <memory>
 #include <set>
 #include <string>
@@ -18,6 +17,7 @@
 #include <xxhash.h>
 
 #include "core/interrupt.h"
+#include "db/store/bare_file.h"
 #include "db/store/migrations.h"
 
 namespace lightstage::db {
@@ -258,27 +258,19 @@ std::optional<SQLite::Database> open_sound_pages(const fs::path& path) {
 }
 
 std::vector<std::size_t> damaged_pages(const fs::path& catalogue) {
-  std::ifstream file(catalogue, std::ios::binary);
+  BareFile file(catalogue);
   std::array<unsigned char, kHeaderBytes> header{};
-  file.read(reinterpret_cast<char*>(header.data()), kHeaderBytes);
-  const std::size_t size = file ? page_size_with_checks(header.data()) : 0;
+  const std::size_t size = file.read(0, header) == kHeaderBytes ? page_size_with_checks(header.data()) : 0;
   if (size < 512 || !std::has_single_bit(size)) return {1};
 
   constexpr int kLooks = 20;
   constexpr std::chrono::milliseconds kBetweenLooks{10};
   std::vector<unsigned char> page(size);
-  const auto read_page = [&](std::size_t number) {
-    file.clear();
-    file.seekg(std::streamoff((number - 1) * size));
-    file.read(reinterpret_cast<char*>(page.data()), std::streamsize(size));
-    return std::size_t(file.gcount()) == size;
-  };
+  const auto read_page = [&](std::size_t number) { return file.read((number - 1) * size, page) == size; };
   std::vector<std::size_t> damaged;
-  file.seekg(0);
   for (std::size_t number = 1;; ++number) {
     if (number % 1024 == 0) core::throw_if_interrupted();
-    file.read(reinterpret_cast<char*>(page.data()), std::streamsize(size));
-    if (std::size_t(file.gcount()) != size) break;
+    if (!read_page(number)) break;
     if (matches(page.data(), size, number)) continue;
     bool sound = false;
     for (int look = 1; look < kLooks && !sound; ++look) {

@@ -5,7 +5,6 @@
 #include <sqlite3.h>
 
 #include "core/error.h"
-#include "core/file.h"
 #include "core/interrupt.h"
 #include "core/scratch_folder.h"
 #include "db/store/impl.h"
@@ -281,7 +280,7 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
     }
     report.damaged_copy = place_for_damaged(path);
     move_away(path, report.damaged_copy);
-    core::move_file_durably(made, path);
+    put_catalogue(made, folder);
   });
   return report;
 }

@@ -185,6 +185,7 @@ TEST_CASE("a stage file reads back bit for bit") {
   stage.cameras[1].model.k2 = 0.1 + 0.2;
   stage.cameras[1].model.p1 = -0.0;
   stage.cameras[2].responsivity = std::nextafter(45.0, 46.0);
+  stage.limits = {2.9, 59.94, 0.1 / 3, 0.3, 1.0 / 7, 19.5, 0.7};
   stage.simulation = {0xfedcba9876543210u, 0.3, 0.1 / 3, 0.02, {0, 60, 5}};
 
   const std::string text = capture::to_toml(stage);
@@ -217,6 +218,7 @@ TEST_CASE("a stage file reads back bit for bit") {
   CHECK(same_bits(back.simulation.gain_spread, 0.1 / 3));
   CHECK(same_bits(back.simulation.led_radius_m, 0.02));
   CHECK(back.simulation.dead_lights == std::vector<int>{0, 60, 5});
+  CHECK(back.limits == stage.limits);
   CHECK(capture::stage_key(back) == capture::stage_key(stage));
 
   const test::TemporaryFolder folder;
@@ -240,6 +242,15 @@ TEST_CASE("a stage file needs no simulation table") {
                                            "stage.toml");
   CHECK(stage.simulation.led_radius_m == 0.012);
   CHECK(stage.simulation.dead_lights.empty());
+}
+
+TEST_CASE("a stage file without limits has those that protect people") {
+  std::string text = changed("[[light]]", "[[light]]");
+  const std::size_t begin = text.find("[limits]");
+  text.erase(begin, text.find("[[camera]]") - begin);
+  const Stage stage = capture::parse_stage(text, "stage.toml");
+  CHECK(stage.limits == capture::LightLimits{});
+  CHECK(stage.limits.strobe_share < 1);
 }
 
 TEST_CASE("the stage key names lights, not cameras") {
@@ -293,6 +304,15 @@ TEST_CASE("malformed stage files are refused with file, line and key") {
          "must hold indices of the stage's 3 lights, from 0");
   expect("mount_error_degrees = 0.0", "mount_error_degrees = -1", "simulation.mount_error_degrees",
          "must not be negative");
+  expect("strobe_band_hz = [3", "strobe_band_hz = [0", "limits.strobe_band_hz",
+         "must be two rising numbers from 1 to 1000");
+  expect("strobe_band_hz = [3.0, 60", "strobe_band_hz = [3.0, 2", "limits.strobe_band_hz",
+         "must be two rising numbers from 1 to 1000");
+  expect("strobe_share = 0.1", "strobe_share = 0", "limits.strobe_share", "must be 0.001 to 1.0");
+  expect("strobe_area = 0.25", "strobe_area = 1.5", "limits.strobe_area", "must be 0.001 to 1.0");
+  expect("duty = 1.0", "duty = nan", "limits.duty", "must be finite");
+  expect("on_time_s = 0.0", "on_time_s = -1", "limits.on_time_s", "must be 0.0 to 86400.0");
+  expect("duty_window_s", "duty_windw_s", "limits.duty_windw_s", "is not known (did you mean 'duty_window_s'?)");
   expect("gain_spread", "gain_spraed", "simulation.gain_spraed", "is not known (did you mean 'gain_spread'?)");
 
   CHECK(message_of("name = \"s\"\nradius_m = 1\n").find("'camera'") != std::string::npos);

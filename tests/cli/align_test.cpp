@@ -43,7 +43,7 @@ struct Pass {
     succeed(store, {"init"});
     succeed(store, {"stage", "--lights", "24", "--out", stage});
     succeed(store, {"capture", "--sim", "--procedural", "3", "--stage", stage, "--size", "128", "--tracking-every", "6",
-                    "--name", "head"});
+                    "--i-know", "--name", "head"});
   }
 
   std::vector<db::Frame> tracking_frames(const db::Store& opened) const {

@@ -59,8 +59,8 @@ Outcome run_program(const fs::path& store, std::vector<std::string> arguments) {
   return outcome;
 }
 
-BackgroundRun::BackgroundRun(const fs::path& store, std::vector<std::string> arguments)
-    : pid_(start(store, std::move(arguments), "/dev/null", "/dev/null")) {}
+BackgroundRun::BackgroundRun(const fs::path& store, std::vector<std::string> arguments, const fs::path& err)
+    : pid_(start(store, std::move(arguments), "/dev/null", err)) {}
 
 BackgroundRun::~BackgroundRun() {
   if (pid_ < 0) return;

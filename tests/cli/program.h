@@ -22,10 +22,13 @@ Outcome run_program(const std::filesystem::path& store, std::vector<std::string>
 // The same in the background, for killing.
 class BackgroundRun {
  public:
-  BackgroundRun(const std::filesystem::path& store, std::vector<std::string> arguments);
+  // What it says on stderr goes to `err`.
+  BackgroundRun(const std::filesystem::path& store, std::vector<std::string> arguments,
+                const std::filesystem::path& err = "/dev/null");
   ~BackgroundRun();
   BackgroundRun(const BackgroundRun&) = delete;
   BackgroundRun& operator=(const BackgroundRun&) = delete;
+  int pid() const { return pid_; }
   void signal(int number) const;
   int wait();  // as Outcome::status
 

@@ -1,6 +1,10 @@
 #include "core/image_file.h"
 
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
 #include <algorithm>
+#include <bit>
 #include <catch2/catch.hpp>
 #include <cmath>
 #include <random>
@@ -10,6 +14,7 @@
 #include "core/failure.h"
 #include "core/file.h"
 #include "core/full_disk.h"
+#include "core/image_io/halves.h"
 #include "support/support.h"
 
 using namespace lightstage;
@@ -75,6 +80,65 @@ TEST_CASE("EXR holds halves by default, clamped to what a half can hold") {
   const Image held = there_and_back(extreme, folder / "c.exr");
   const std::vector<float> expected{65504, 65504, 65504, 65504, -65504, 0x1p-24f, 0};
   CHECK(std::equal(expected.begin(), expected.end(), held.values().begin()));
+}
+
+TEST_CASE("halves come out the same by the processor's instructions and without, at every edge") {
+  std::vector<float> values{0.0f,     -0.0f,    65504.0f,     65519.99f,       65520.0f, 1e30f,          -1e30f,
+                            0x1p-24f, 0x1p-25f, 0x1.8p-25f,   0x1.000002p-25f, 1e-30f,   0x1.ffcp-15f,   0x1p-14f,
+                            2049.0f,  2051.0f,  1 + 0x1p-11f, 1 + 0x1.8p-10f,  1e-42f,   0x1.ffdffep14f, 0.1f};
+  std::mt19937 generator(3);
+  for (int i = 0; i < 200'000; ++i) {  // all exponents
+    const float v = std::bit_cast<float>(std::uint32_t(generator()));
+    if (std::isfinite(v)) values.push_back(v);
+  }
+  std::vector<std::uint16_t> fast(values.size()), slow(values.size());
+  for (const std::size_t count : {values.size(), std::size_t(0), std::size_t(1), std::size_t(7), std::size_t(9)}) {
+    CHECK(core::image_io::to_halves(std::span(values).first(count), std::span(fast).first(count)));
+    CHECK(core::image_io::to_halves_portably(std::span(values).first(count), std::span(slow).first(count)));
+    CHECK(fast == slow);
+  }
+  for (const float strange : {std::nanf(""), INFINITY, -INFINITY})
+    for (const std::size_t at : {std::size_t(0), std::size_t(5), std::size_t(16)}) {  // in registers and in the rest
+      std::vector<float> bad(17, 1.0f);
+      bad[at] = strange;
+      CHECK_FALSE(core::image_io::to_halves(bad, std::span(fast).first(17)));
+      CHECK_FALSE(core::image_io::to_halves_portably(bad, std::span(slow).first(17)));
+    }
+}
+
+TEST_CASE("uncompressed EXR is what the library writes, byte for byte, and reads back as compressed EXR does") {
+  const test::TemporaryFolder folder;
+  for (const ImageSize size : {ImageSize{5, 7, 1}, {1, 1, 3}, {61, 33, 4}, {17, 19, 2}, {40, 50, 3}, {5, 7, 1}}) {
+    INFO(size.height << "x" << size.width << "x" << size.channels);
+    Image image = noise(size.height, size.width, size.channels);
+    image.values()[0] = 1e9f;
+    image.values().back() = -1e-6f;
+    const std::vector<unsigned char> bytes = core::encode_image("a.exr", image, {.compressed = false});
+    CHECK(bytes == core::encode_image("a.exr", image, {.compressed = false}));
+    core::write_file_atomically(folder / "a.exr", {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
+    const Image back = core::read_image(folder / "a.exr");
+    core::write_image(folder / "b.exr", image);
+    CHECK(back == core::read_image(folder / "b.exr"));
+
+    // The library's own, given what the compressed file held.
+    std::vector<unsigned char> expected;
+    OIIO::Filesystem::IOVecOutput sink(expected);
+    const auto input = OIIO::ImageInput::open((folder / "a.exr").string());
+    REQUIRE(input);
+    OIIO::ImageSpec spec = input->spec();
+    CHECK(spec.get_string_attribute("compression") == "none");
+    CHECK(spec.format == OIIO::TypeDesc::HALF);
+    const auto output = OIIO::ImageOutput::create("openexr");
+    REQUIRE(output->set_ioproxy(&sink));
+    REQUIRE(output->open("b.exr", spec));
+    REQUIRE(output->write_image(OIIO::TypeDesc::FLOAT, back.values().data()));
+    REQUIRE(output->close());
+    CHECK(bytes == expected);
+  }
+  Image bad = noise(4, 5, 3);
+  bad(2, 3, 1) = std::nanf("");
+  CHECK(test::says(test::failure_of<core::BadInput>([&] { core::encode_image("a.exr", bad, {.compressed = false}); }),
+                   "pixel x 3, y 2, channel 1"));
 }
 
 TEST_CASE("integer files are sRGB unless told otherwise, and keep 8 or 16 bits") {

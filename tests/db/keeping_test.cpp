@@ -126,6 +126,16 @@ TEST_CASE_METHOD(Fixture, "a restored store has everything, and can be backed up
   CHECK_THROWS_AS(db::Store::restore(folder / "nowhere", folder / "new"), core::StoreError);
 }
 
+TEST_CASE_METHOD(Fixture, "the log of a catalogue that is gone is not taken for that of a new one") {
+  store.back_up(folder / "backup");
+  fs::create_directories(folder / "again/objects");
+  test::write_text(folder / "again/store.sqlite-wal", "what a crash left");
+  CHECK_THAT(message_of([&] { db::Store::restore(folder / "backup", folder / "again"); }),
+             Contains("move it to another folder"));
+  CHECK_THAT(message_of([&] { db::Store::create(folder / "again"); }), Contains("move it to another folder"));
+  CHECK_FALSE(fs::exists(folder / "again/store.sqlite"));
+}
+
 TEST_CASE_METHOD(Fixture, "an interrupted backup leaves the earlier one whole, and goes on") {
   store.back_up(folder / "backup");
   add_pass(store, "second");

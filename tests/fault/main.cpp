@@ -1,5 +1,6 @@
 // Breaks the program on purpose, at many points, and looks what is left: `./run fault`.
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
@@ -116,7 +117,7 @@ class Harness {
     switch (turn) {
       case 4:
         return disturbed(base, "fail " + std::to_string(1 + below(counts.calls)) + " " +
-                                   std::to_string(below(2) == 0 ? EIO : ENOSPC));
+                                   std::to_string(std::array{EIO, ENOSPC, EDQUOT, EROFS}.at(std::size_t(below(4)))));
       case 5:
         return one_of("full", counts.calls);
       case 6:
@@ -261,6 +262,7 @@ int run(int argc, char** argv) {
   const test::TemporaryFolder folder;
   Harness harness(folder.path(), seed);
   Tally all;
+  std::map<std::string, std::size_t> by_fault;
   ordered_json by_scenario = ordered_json::object();
   for (std::size_t i = 0; i < chosen.size(); ++i) {
     const std::size_t share = points * (i + 1) / chosen.size() - points * i / chosen.size();
@@ -268,6 +270,7 @@ int run(int argc, char** argv) {
     for (const Point& point : harness.run(*chosen[i], share)) {
       tally.add(point);
       all.add(point);
+      ++by_fault[point.fault.substr(0, point.fault.find(' '))];
       for (const std::string& complaint : point.complaints)
         std::cerr << point.scenario << ", " << point.fault << ": " << complaint << "\n";
       if (point.lost > 0) std::cerr << point.scenario << ", " << point.fault << ": " << point.lost << " lost\n";
@@ -278,6 +281,7 @@ int run(int argc, char** argv) {
                             {"survived", all.survived},
                             {"lost", all.lost},
                             {"store_clean", all.unclean == 0},
+                            {"faults", by_fault},
                             {"scenarios", by_scenario}}
                    .dump()
             << std::endl;

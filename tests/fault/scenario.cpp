@@ -35,9 +35,12 @@ bool there_is_a_store(const fs::path& folder) {
   return !error && size > 0;
 }
 
+// Lights that were lit just before rise a little sooner (sim/devices/led_bank.h): they are given 40 times their rise time, so that a frame does not
+// depend on whether the pass was resumed before it.
 Arguments capture(const fs::path& folder, bool moving) {
-  Arguments arguments{"capture", "--sim", "--procedural", "3",    "--stage",          (folder / "stage.toml").string(),
-                      "--size",  "48",    "--name",       "head", "--no-light-check", "--no-noise"};
+  Arguments arguments{"capture",  "--sim", "--procedural", "3",    "--stage",          (folder / "stage.toml").string(),
+                      "--size",   "48",    "--name",       "head", "--no-light-check", "--no-noise",
+                      "--settle", "12"};
   if (!moving) arguments.push_back("--no-motion");
   return in_store(folder, arguments);
 }

@@ -49,6 +49,15 @@ Function real(const char* name) {
   return reinterpret_cast<Function>(dlsym(RTLD_NEXT, name));
 }
 
+// The library's own allocations do not count, and do not fail.
+thread_local int own_calls = 0;
+struct Own {
+  Own() { ++own_calls; }
+  ~Own() { --own_calls; }
+  Own(const Own&) = delete;
+  Own& operator=(const Own&) = delete;
+};
+
 class Fault {
  public:
   Fault() {
@@ -149,7 +158,7 @@ class Fault {
   std::mutex mutex;  // changes happen, and are noted, one after the other
 
  private:
-  bool fails(Mode mode, std::atomic<long>& count) { return active_ && calls_ > 0 && ++count == at_ && mode_ == mode; }
+  bool fails(Mode mode, std::atomic<long>& count) { return active_ && own_calls == 0 && calls_ > 0 && ++count == at_ && mode_ == mode; }
 
   bool active_ = false;
   Mode mode_ = Mode::kCount;
@@ -285,6 +294,7 @@ int checked_truncate(int fd, off_t size, const Truncate& truncate) {
 extern "C" {
 
 int open(const char* path, int flags, ...) {
+  const Own own;
   va_list arguments;
   va_start(arguments, flags);
   const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(arguments, mode_t) : 0;
@@ -294,6 +304,7 @@ int open(const char* path, int flags, ...) {
 }
 
 int open64(const char* path, int flags, ...) {
+  const Own own;
   va_list arguments;
   va_start(arguments, flags);
   const mode_t mode = (flags & (O_CREAT | O_TMPFILE)) != 0 ? va_arg(arguments, mode_t) : 0;
@@ -303,21 +314,25 @@ int open64(const char* path, int flags, ...) {
 }
 
 ssize_t write(int fd, const void* data, size_t length) {
+  const Own own;
   static const auto next = real<ssize_t (*)(int, const void*, size_t)>("write");
   return checked_write(fd, data, length, lseek(fd, 0, SEEK_CUR), [&](size_t n) { return next(fd, data, n); });
 }
 
 ssize_t pwrite(int fd, const void* data, size_t length, off_t offset) {
+  const Own own;
   static const auto next = real<ssize_t (*)(int, const void*, size_t, off_t)>("pwrite");
   return checked_write(fd, data, length, offset, [&](size_t n) { return next(fd, data, n, offset); });
 }
 
 ssize_t pwrite64(int fd, const void* data, size_t length, off64_t offset) {
+  const Own own;
   static const auto next = real<ssize_t (*)(int, const void*, size_t, off64_t)>("pwrite64");
   return checked_write(fd, data, length, offset, [&](size_t n) { return next(fd, data, n, offset); });
 }
 
 ssize_t writev(int fd, const iovec* parts, int count) {
+  const Own own;
   static const auto next = real<ssize_t (*)(int, const iovec*, int)>("writev");
   if (!fault().concerns(fault().path_of(fd))) return next(fd, parts, count);
   std::string whole;
@@ -327,6 +342,7 @@ ssize_t writev(int fd, const iovec* parts, int count) {
 
 // Copies of files: as a write of what was read.
 ssize_t sendfile(int out, int in, off_t* offset, size_t length) {
+  const Own own;
   static const auto next = real<ssize_t (*)(int, int, off_t*, size_t)>("sendfile");
   if (!fault().concerns(fault().path_of(out))) return next(out, in, offset, length);
   std::string block(std::min<size_t>(length, 1 << 20), '\0');
@@ -340,38 +356,45 @@ ssize_t sendfile(int out, int in, off_t* offset, size_t length) {
 }
 
 ssize_t copy_file_range(int in, off64_t* from, int out, off64_t* to, size_t length, unsigned flags) {
+  const Own own;
   static const auto next = real<ssize_t (*)(int, off64_t*, int, off64_t*, size_t, unsigned)>("copy_file_range");
   if (!fault().concerns(fault().path_of(out))) return next(in, from, out, to, length, flags);
   return failed(EXDEV);  // what is then done by other calls
 }
 
 int fsync(int fd) {
+  const Own own;
   static const auto next = real<int (*)(int)>("fsync");
   return checked_sync(fd, [&] { return next(fd); });
 }
 
 int fdatasync(int fd) {
+  const Own own;
   static const auto next = real<int (*)(int)>("fdatasync");
   return checked_sync(fd, [&] { return next(fd); });
 }
 
 int rename(const char* from, const char* to) {
+  const Own own;
   static const auto next = real<int (*)(const char*, const char*)>("rename");
   return checked_change(RecordKind::kRename, fault().absolute(from), fault().absolute(to), true,
                         [&] { return next(from, to); });
 }
 
 int unlink(const char* path) {
+  const Own own;
   static const auto next = real<int (*)(const char*)>("unlink");
   return checked_change(RecordKind::kRemove, fault().absolute(path), {}, false, [&] { return next(path); });
 }
 
 int remove(const char* path) {
+  const Own own;
   static const auto next = real<int (*)(const char*)>("remove");
   return checked_change(RecordKind::kRemove, fault().absolute(path), {}, false, [&] { return next(path); });
 }
 
 int mkdir(const char* path, mode_t mode) {
+  const Own own;
   static const auto next = real<int (*)(const char*, mode_t)>("mkdir");
   struct stat status {};
   if (stat(path, &status) == 0) return next(path, mode);
@@ -379,16 +402,19 @@ int mkdir(const char* path, mode_t mode) {
 }
 
 int ftruncate(int fd, off_t size) {
+  const Own own;
   static const auto next = real<int (*)(int, off_t)>("ftruncate");
   return checked_truncate(fd, size, [&] { return next(fd, size); });
 }
 
 int ftruncate64(int fd, off64_t size) {
+  const Own own;
   static const auto next = real<int (*)(int, off64_t)>("ftruncate64");
   return checked_truncate(fd, size, [&] { return next(fd, size); });
 }
 
 void* mmap(void* address, size_t length, int protection, int flags, int fd, off_t offset) {
+  const Own own;
   static const auto next = real<void* (*)(void*, size_t, int, int, int, off_t)>("mmap");
   if (fd >= 0 && ready.load() != nullptr && fault().mapping_fails(fd)) {
     errno = ENOMEM;
