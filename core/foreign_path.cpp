@@ -23,7 +23,7 @@ bool stays_inside(const fs::path& folder, const fs::path& path) {
   for (fs::path part = path; part.has_relative_path() && part != folder; part = part.parent_path()) {
     if (fs::is_symlink(part, error) && !fs::exists(part, error)) return false;
   }
-  const fs::path target = fs::weakly_canonical(path, error);
+  const fs::path target = fs::weakly_canonical(fs::absolute(path, error), error);
   if (error) return false;
   return std::mismatch(root.begin(), root.end(), target.begin(), target.end()).first == root.end();
 }

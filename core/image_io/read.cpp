@@ -10,6 +10,7 @@
 #include "core/display.h"
 #include "core/error.h"
 #include "core/image_file.h"
+#include "core/image_io/exr_header.h"
 #include "core/image_io/format.h"
 #include "core/parallel.h"
 #include "core/text.h"
@@ -105,6 +106,10 @@ OpenImage open_image(const fs::path& path, std::size_t max_values) {
   if (!fs::is_regular_file(status)) throw failure(path, "not a regular file");
 
   if (std::string_view(format.plugin) == "png") check_png_is_whole(path);
+  if (std::string_view(format.plugin) == "openexr") {
+    image_io::check_exr_header(path, std::min<std::uint64_t>(max_values, most_bytes() / sizeof(float)),
+                               kMostCompression);
+  }
 
   // The library's own limits, which it keeps to before it takes memory.
   static const bool limited = OIIO::attribute("limits:channels", 64) && OIIO::attribute("limits:imagesize_MB", 16384);

@@ -308,10 +308,10 @@ TEST_CASE("malformed stage files are refused with file, line and key") {
          "must be two rising numbers from 1 to 1000");
   expect("strobe_band_hz = [3.0, 60", "strobe_band_hz = [3.0, 2", "limits.strobe_band_hz",
          "must be two rising numbers from 1 to 1000");
-  expect("strobe_share = 0.1", "strobe_share = 0", "limits.strobe_share", "must be 0.001 to 1");
-  expect("strobe_area = 0.25", "strobe_area = 1.5", "limits.strobe_area", "must be 0.001 to 1");
+  expect("strobe_share = 0.1", "strobe_share = 0", "limits.strobe_share", "must be 0.001 to 1.0");
+  expect("strobe_area = 0.25", "strobe_area = 1.5", "limits.strobe_area", "must be 0.001 to 1.0");
   expect("duty = 1.0", "duty = nan", "limits.duty", "must be finite");
-  expect("on_time_s = 0.0", "on_time_s = -1", "limits.on_time_s", "must be 0 to 86400");
+  expect("on_time_s = 0.0", "on_time_s = -1", "limits.on_time_s", "must be 0.0 to 86400.0");
   expect("duty_window_s", "duty_windw_s", "limits.duty_windw_s", "is not known (did you mean 'duty_window_s'?)");
   expect("gain_spread", "gain_spraed", "simulation.gain_spraed", "is not known (did you mean 'gain_spread'?)");
 

@@ -24,7 +24,7 @@ TEST_CASE("no picture takes more of the disk than was reckoned, not even noise")
     for (float& v : image.values()) v = value(random);
     const std::uintmax_t bytes = std::filesystem::file_size(store.object_path(store.put_object(image)));
     CHECK(bytes <= db::most_bytes(size));
-    CHECK(db::most_bytes(size) <= bytes + bytes / 2 + 12'000);
+    CHECK(db::most_bytes(size) <= 2 * bytes + 16'000);
     CHECK(db::most_bytes(size, 1000) == 1000 * db::most_bytes(size));
   }
   CHECK(db::most_bytes({100, 100, 3}, 0) == 0);

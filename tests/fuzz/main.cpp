@@ -198,7 +198,8 @@ struct Result {
 
 Result run_target(const Options& options, const fuzz::Target& target, double end) {
   const Inputs inputs(options, target);
-  const std::size_t last = end > 0 ? std::numeric_limits<std::size_t>::max() : inputs.seeds() + options.mutations;
+  const std::size_t last =
+      end > 0 ? std::numeric_limits<std::size_t>::max() : inputs.seeds() + options.mutations / target.slowness;
   constexpr std::size_t kEnoughCrashes = 20;
   Result result;
   while (result.runs < last && result.crashes < kEnoughCrashes) {

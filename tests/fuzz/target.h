@@ -21,6 +21,7 @@ struct Target {
   std::string name;
   std::function<void(Bytes)> run;
   std::size_t longest = 1 << 16;  // bytes that inputs grow to
+  std::size_t slowness = 1;       // in a search by number of runs it gets so many times fewer
 };
 
 // In order of name.

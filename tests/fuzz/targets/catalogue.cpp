@@ -16,6 +16,7 @@
 #include "core/config.h"
 #include "db/scan_loader.h"
 #include "db/store.h"
+#include "db/store/page_checks.h"
 #include "fuzz/target.h"
 
 namespace lightstage::fuzz {
@@ -148,7 +149,7 @@ const Registration kCatalogue({"catalogue",
                                  put_catalogue(catalogue);
                                  use_store();
                                },
-                               4096});
+                               4096, 20});
 
 struct Column {
   const char* table;
@@ -241,8 +242,8 @@ const Registration kRows({"rows",
                           [](Bytes bytes) {
                             put_catalogue(sound_catalogue());
                             {
-                              SQLite::Database database((store_folder() / "store.sqlite").string(),
-                                                        SQLite::OPEN_READWRITE);
+                              SQLite::Database database =
+                                  db::open_checked(store_folder() / "store.sqlite", SQLite::OPEN_READWRITE);
                               database.exec("PRAGMA ignore_check_constraints = ON");
                               database.exec("PRAGMA foreign_keys = OFF");
                               database.exec("PRAGMA synchronous = OFF");
@@ -253,7 +254,7 @@ const Registration kRows({"rows",
                             }
                             use_store();
                           },
-                          4096});
+                          4096, 20});
 
 }  // namespace
 
