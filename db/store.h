@@ -230,7 +230,7 @@ class Store {
   Id put_frame(const NewFrame& frame, core::ImageView image);
   // The same in two halves, for cameras that do not wait for the disk. Begun, a frame's picture is encoded and on its way to the disk, but
   // nobody sees it, and it is gone when the process dies. Finished, all of the frames are durable; they go into one transaction, and wait for the disk's
-  // journal together. Pictures are not compressed: on two processors compressing takes four to ten times as long as the disk (docs/reliability.md).
+  // journal together. Pictures are not compressed: compressing takes longer than writing (docs/reliability.md).
   // begin_frame needs no connection: it may be called from several threads. Throw as put_frame.
   UnsyncedFrame begin_frame(const NewFrame& frame, core::ImageView image) const;
   std::vector<Id> finish_frames(std::vector<UnsyncedFrame> frames);

@@ -295,7 +295,7 @@ TEST_CASE("wiring without a controller is refused", "[hardware_file]") {
             .ends_with("key 'light[1].controller' is of no use: the file has no [[controller]]"));
 }
 
-TEST_CASE("the examples of the hardware guide are a sequence and a whole stage", "[hardware_file]") {
+TEST_CASE("the examples of the hardware guide are a sequence, limits and a whole stage", "[hardware_file]") {
   std::ifstream file(LIGHTSTAGE_DOCS "/hardware.md");
   const std::string guide{std::istreambuf_iterator<char>(file), {}};
   const std::string fence = "```toml\n";
@@ -304,8 +304,8 @@ TEST_CASE("the examples of the hardware guide are a sequence and a whole stage",
     const std::size_t begin = at + fence.size();
     examples.push_back(guide.substr(begin, guide.find("```\n", begin) - begin));
   }
-  REQUIRE(examples.size() == 2);
-  const Stage stage = capture::parse_stage(examples[1], "docs/hardware.md");
+  REQUIRE(examples.size() == 3);
+  const Stage stage = capture::parse_stage(examples[2], "docs/hardware.md");
   CHECK(stage.hardware.complete());
   CHECK(stage.hardware.controllers.size() == 2);
   CHECK(stage.hardware.trigger);
@@ -314,4 +314,6 @@ TEST_CASE("the examples of the hardware guide are a sequence and a whole stage",
   const capture::Sequence sequence =
       capture::parse_sequence(examples[0], "docs/hardware.md", stage.light_positions.size());
   CHECK(sequence.steps.size() == 5);
+  // The limits of the guide are those of a stage file that names none.
+  CHECK(capture::parse_stage(examples[2] + "\n" + examples[1], "docs/hardware.md").limits == stage.limits);
 }

@@ -67,15 +67,16 @@ TEST_CASE("what is no file is neither waited for nor read to its end") {
   const Desk desk;
   REQUIRE(mkfifo((desk.folder / "pipe.exr").c_str(), 0600) == 0);
   fs::create_symlink("/dev/zero", desk.folder / "zero.exr");
-  const std::string folder = desk.folder.path().string(), stage = folder + "/stage.toml";
-  REQUIRE(run_program(desk.store, {"stage", "--layout", "fibonacci", "--lights", "4", "--out", stage}).status == 0);
+  const std::string folder = desk.folder.path().string();
+  const std::string stage = folder + "/stage.toml";
+  REQUIRE(run_program(desk.store, {"stage", "--lights", "24", "--out", stage}).status == 0);
   for (const std::string& file : {folder + "/pipe.exr", std::string("/dev/zero"), folder, folder + "/zero.exr"}) {
     CAPTURE(file);
     const auto run = [&](std::vector<std::string> arguments) { return run_program(desk.store, std::move(arguments)); };
     Desk::check_refused(run({"import", "lp", file, "--name", "x"}), 3, {file});
     Desk::check_refused(run({"model", "show", file}), 3, {file});
     Desk::check_refused(run({"capture", "--sim", "--procedural", "1", "--stage", file, "--name", "x"}), 3, {file});
-    Desk::check_refused(run({"capture", "--sim", "--stage", stage, "--mesh", file, "--name", "x"}), 3, {file});
+    Desk::check_refused(run({"capture", "--sim", "--mesh", file, "--stage", stage, "--name", "x"}), 3, {file});
     Desk::check_refused(run({"merge", file, "--exposures", "1", "--out", folder + "/o.exr"}), 3, {file});
   }
 }
