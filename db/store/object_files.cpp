@@ -146,11 +146,10 @@ core::ImageSize ObjectFiles::read_size(const ContentHash& hash) const {
 
 ObjectFiles::Listing ObjectFiles::list() const {
   Listing listing;
-  std::error_code error;
-  for (fs::recursive_directory_iterator entry(folder(), error), end; !error && entry != end; entry.increment(error)) {
+  const auto note = [&](const fs::directory_entry& entry) {
     std::error_code vanished;  // a file that is being written may be renamed at any moment
-    if (!entry->is_regular_file(vanished)) continue;
-    const fs::path& file = entry->path();
+    if (!entry.is_regular_file(vanished)) return;
+    const fs::path& file = entry.path();
     std::optional<ContentHash> hash;
     try {
       hash = ContentHash::from_hex(file.stem().string());
@@ -161,8 +160,13 @@ ObjectFiles::Listing ObjectFiles::list() const {
     } else {
       listing.strangers.push_back(file);
     }
+  };
+  try {
+    // Not by increment(error), which ends the program where memory is short.
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder())) note(entry);
+  } catch (const fs::filesystem_error& error) {
+    throw core::StoreError(folder().string() + ": cannot be listed: " + error.code().message());
   }
-  if (error) throw core::StoreError(folder().string() + ": cannot be listed: " + error.message());
   std::sort(listing.objects.begin(), listing.objects.end());
   std::sort(listing.strangers.begin(), listing.strangers.end());
   return listing;
