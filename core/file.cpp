@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/sync_folder.h"
 
 namespace lightstage::core {
 
@@ -115,10 +116,7 @@ void move_file_durably(const fs::path& temporary, const fs::path& path) {
   }
   const fs::path target = target_of(path);
   if (std::rename(temporary.c_str(), target.c_str()) != 0) throw system_failure("cannot write", path);
-  const FileDescriptor folder(folder_of(target), O_RDONLY | O_DIRECTORY);
-  // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
-  if (!folder.is_open() || (fsync(folder.get()) != 0 && errno != EINVAL))
-    throw system_failure("cannot sync the folder of", path);
+  sync_folder(folder_of(target));
 }
 
 void make_folder(const fs::path& folder) {

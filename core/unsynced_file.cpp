@@ -20,6 +20,7 @@
 
 #include "core/error.h"
 #include "core/file.h"
+#include "core/sync_folder.h"
 
 namespace lightstage::core {
 
@@ -107,16 +108,6 @@ void wait_for_all(std::size_t count, const std::function<void(std::size_t)>& wor
   run();
   for (std::thread& helper : helpers) helper.join();
   if (failure) std::rethrow_exception(failure);
-}
-
-void sync_folder(const fs::path& folder) {
-  const int descriptor = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
-  const bool synced = descriptor >= 0 && (::fsync(descriptor) == 0 || errno == EINVAL);
-  const int error = errno;
-  if (descriptor >= 0) ::close(descriptor);
-  errno = error;
-  if (!synced) throw system_failure("cannot sync the folder", folder);
 }
 
 }  // namespace

@@ -1,15 +1,11 @@
 #include "db/store/object_files.h"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-
-#include <fcntl.h>
-#include <unistd.h>
 
 #include "core/error.h"
 #include "core/file.h"
 #include "core/image_file.h"
+#include "core/sync_folder.h"
 
 namespace lightstage::db {
 
@@ -22,12 +18,11 @@ constexpr const char* kExtension = ".exr";
 }  // namespace
 
 void sync_folder(const fs::path& folder) {
-  const int handle = ::open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  // Some network file systems cannot sync a folder and say EINVAL; they order the rename themselves.
-  const bool synced = handle >= 0 && (::fsync(handle) == 0 || errno == EINVAL);
-  const int error = errno;
-  if (handle >= 0) ::close(handle);
-  if (!synced) throw core::StoreError(folder.string() + ": cannot be synced: " + std::strerror(error));
+  try {
+    core::sync_folder(folder);
+  } catch (const core::BadInput& error) {  // here it is the store's disk
+    throw core::StoreError(error.what());
+  }
 }
 
 fs::path ObjectFiles::path(const ContentHash& hash) const {
