@@ -91,19 +91,19 @@ class Snapshot {
 
 // Networks that the store keeps: few and replaced whole, told apart by size and time as by make.
 void copy_models(const fs::path& from, const fs::path& to, BackupReport& report) {
-  std::error_code error;
-  for (fs::recursive_directory_iterator entry(from / "models", error), end; !error && entry != end;
-       entry.increment(error)) {
-    if (entry->is_symlink() || !entry->is_regular_file()) continue;  // what a link names is no part of the store
-    const fs::path target = to / fs::relative(entry->path(), from);
+  const fs::path models = from / "models";
+  if (!fs::exists(models)) return;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(models)) {
+    if (entry.is_symlink() || !entry.is_regular_file()) continue;  // what a link names is no part of the store
+    const fs::path target = to / fs::relative(entry.path(), from);
     std::error_code none;
-    if (fs::exists(target, none) && fs::file_size(target) == entry->file_size() &&
-        fs::last_write_time(target) == entry->last_write_time())
+    if (fs::exists(target, none) && fs::file_size(target) == entry.file_size() &&
+        fs::last_write_time(target) == entry.last_write_time())
       continue;
     core::make_folder(target.parent_path());
-    core::replace_file_atomically(target, [&](const fs::path& temporary) { fs::copy_file(entry->path(), temporary); });
-    fs::last_write_time(target, entry->last_write_time());
-    report.copied_bytes += entry->file_size();
+    core::replace_file_atomically(target, [&](const fs::path& temporary) { fs::copy_file(entry.path(), temporary); });
+    fs::last_write_time(target, entry.last_write_time());
+    report.copied_bytes += entry.file_size();
   }
 }
 
