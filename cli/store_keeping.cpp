@@ -47,13 +47,21 @@ void verify(const db::VerifyOptions& options, Context& context) {
 
 void report_copy(const std::string& verb, const db::BackupReport& report, const std::filesystem::path& folder,
                  const Context& context) {
+  std::string kept;
+  if (!report.kept_catalogue.empty()) {
+    const std::string file = report.kept_catalogue.string();
+    kept = "  the backup keeps that, by its earlier catalogue " + file + ": `lightstage store repair --from " + file +
+           "` brings it back, removing the file lets `store gc` of the backup remove it\n";
+  }
   context.result(verb + " " + folder.string() + ": " + std::to_string(report.objects) + " objects, " +
                      std::to_string(report.copied) + " of them copied now (" + megabytes(report.copied_bytes) + ")\n" +
-                     lines(report.damaged, "damaged: "),
+                     lines(report.gone, "no longer in the store: ") + kept + lines(report.damaged, "damaged: "),
                  {{"folder", folder.string()},
                   {"objects", report.objects},
                   {"copied", report.copied},
                   {"copied_bytes", report.copied_bytes},
+                  {"gone", report.gone},
+                  {"kept_catalogue", report.kept_catalogue.string()},
                   {"damaged", report.damaged}});
   if (!report.damaged.empty()) {
     throw core::StoreError(
@@ -72,31 +80,55 @@ void repair(const RepairOptions& options, Context& context) {
       db::Store::repair_catalogue(context.store_folder, options.backups, options.accept_catalogue);
   db::Store store = db::Store::open(context.store_folder);
   const db::RepairReport report = store.repair(options.backups);
+  std::vector<std::string> lost = catalogue.lost;
+  lost.insert(lost.end(), report.lost.begin(), report.lost.end());
   std::string text;
-  if (!catalogue.damaged_copy.empty()) {
-    text +=
-        "the catalogue was damaged and was made anew: " + std::to_string(catalogue.rows_read) + " rows read from it, " +
-        std::to_string(catalogue.rows_from_backups) + " from backups, " + std::to_string(catalogue.rows_dropped) +
-        " dropped that referred to lost ones\n  the damaged one is kept as " + catalogue.damaged_copy.string() + "\n";
+  if (catalogue.made_anew) {
+    text += std::string("the catalogue was ") + (catalogue.damaged_copy.empty() ? "missing" : "damaged") +
+            " and was made anew: " + std::to_string(catalogue.rows_read) + " rows read from it, " +
+            std::to_string(catalogue.rows_from_backups) + " from backups, " + std::to_string(catalogue.rows_dropped) +
+            " dropped that referred to lost ones\n";
+    if (!catalogue.damaged_copy.empty()) {
+      text += "  the damaged one is kept as " + catalogue.damaged_copy.string() + "\n";
+    }
+  } else if (catalogue.rows_from_backups > 0) {
+    text += std::to_string(catalogue.rows_from_backups) + " rows that the catalogue lacked were taken from backups\n";
   }
   if (catalogue.accepted) text += "the catalogue was taken as it is\n";
-  text += report.mended.empty() && report.lost.empty()
-              ? "nothing to repair\n"
-              : std::to_string(report.mended.size()) + " mended, " + std::to_string(report.lost.size()) +
-                    " without a sound copy\n";
-  text += lines(report.mended, "mended: ") + lines(report.lost, "no copy: ");
+  const bool rows_changed = catalogue.made_anew || catalogue.accepted || catalogue.rows_from_backups > 0;
+  if (report.mended.empty() && lost.empty()) {
+    text += rows_changed ? "all objects are sound\n" : "nothing to repair\n";
+  } else {
+    text +=
+        std::to_string(report.mended.size()) + " mended, " + std::to_string(lost.size()) + " without a sound copy\n";
+  }
+  text += lines(report.mended, "mended: ") + lines(lost, "no copy: ") + lines(catalogue.clashes, "left out: ");
   context.result(text, {{"catalogue",
-                         {{"damaged_copy", catalogue.damaged_copy.string()},
+                         {{"made_anew", catalogue.made_anew},
+                          {"damaged_copy", catalogue.damaged_copy.string()},
                           {"rows_read", catalogue.rows_read},
                           {"rows_from_backups", catalogue.rows_from_backups},
                           {"rows_dropped", catalogue.rows_dropped},
-                          {"accepted", catalogue.accepted}}},
+                          {"accepted", catalogue.accepted},
+                          {"clashes", catalogue.clashes}}},
                         {"mended", report.mended},
-                        {"lost", report.lost}});
+                        {"lost", lost}});
+  if (!catalogue.lost.empty()) {
+    throw core::StoreError(
+        store.folder().string() + ": rows of the damaged catalogue are lost: " + catalogue.lost.front() +
+        (catalogue.lost.size() > 1 ? " and " + std::to_string(catalogue.lost.size() - 1) + " more" : "") +
+        "; name backups with --from, or take frames again (`lightstage capture --resume`) and make again what was "
+        "derived. When all that you need is there again, move store.sqlite.damaged-* to another folder");
+  }
   if (!report.lost.empty()) {
     throw core::StoreError(store.folder().string() + ": " + std::to_string(report.lost.size()) +
                            " objects have no sound copy; name backups with --from, or take frames again "
                            "(`lightstage capture`) and make again what was derived");
+  }
+  if (!catalogue.clashes.empty()) {
+    throw core::StoreError(store.folder().string() + ": " + std::to_string(catalogue.clashes.size()) +
+                           " scans or products of backups were left out, since their name or number is taken here; "
+                           "`lightstage store restore` brings them into a store of its own");
   }
 }
 
@@ -140,7 +172,8 @@ void add_backup(CLI::App& store, Context& context) {
   command->fallthrough();
   command->footer(
       "Example:\n  lightstage store backup /mnt/disk/head-store\n\nThe same command brings the backup up to date, or "
-      "goes on after an interruption. A backup is a store: --store names it.");
+      "goes on after an interruption. A backup is a store: --store names it. What the store has no more the backup "
+      "keeps.");
   auto folder = std::make_shared<std::filesystem::path>();
   command->add_option("FOLDER", *folder, "Where the backup is, or will be")->required();
   command->callback([folder, &context] {
@@ -154,7 +187,9 @@ void add_restore(CLI::App& store, Context& context) {
   command->fallthrough();
   command->footer("Example:\n  lightstage store restore /mnt/disk/head-store --store store-again");
   auto backup = std::make_shared<std::filesystem::path>();
-  command->add_option("BACKUP", *backup, "Folder of the backup")->required();
+  command
+      ->add_option("BACKUP", *backup, "Folder of the backup, or an earlier catalogue (store.sqlite.before-TIME) in it")
+      ->required();
   command->callback([backup, &context] {
     report_copy("restored", db::Store::restore(*backup, context.store_folder), context.store_folder, context);
   });
@@ -166,8 +201,10 @@ void add_repair(CLI::App& store, Context& context) {
   command->fallthrough();
   command->footer("Example:\n  lightstage store repair --from /mnt/disk/head-store");
   auto options = std::make_shared<RepairOptions>();
-  command->add_option("--from", options->backups,
-                      "Backups to take sound copies from; without, only what interrupted writes left");
+  command->add_option(
+      "--from", options->backups,
+      "Backups to take sound copies from, or earlier catalogues (store.sqlite.before-TIME) in them, whose rows "
+      "come back; without, only what interrupted writes left");
   command->add_flag(
       "--accept-catalogue", options->accept_catalogue,
       "Take pages of the catalogue that do not match their checksums as they are: another program has written to it");

@@ -143,6 +143,9 @@ struct BackupReport {
   std::vector<std::string>
       damaged;  // objects of the store that are damaged or missing, and what they belong to; the backup lacks them, or keeps
                 // the sound copies that it had
+  // What the folder's earlier catalogue had and the store has no more, a line a scan or kind of row; that catalogue is kept here then.
+  std::vector<std::string> gone;
+  std::filesystem::path kept_catalogue;
 };
 
 struct GarbageReport {
@@ -157,11 +160,16 @@ struct RepairReport {
 };
 
 struct CatalogueRepair {
-  std::filesystem::path damaged_copy;  // where the damaged catalogue is now; empty: it was sound, and nothing was done
+  bool made_anew = false;              // it was damaged or missing
+  std::filesystem::path damaged_copy;  // where the damaged one is now; empty where there was none
   std::size_t rows_read = 0;           // of the damaged catalogue, which count before those of backups
-  std::size_t rows_from_backups = 0;
-  std::size_t rows_dropped = 0;  // that referred to rows which could be read nowhere
-  bool accepted = false;         // taken as it was
+  std::size_t rows_from_backups = 0;   // that the catalogue lacked
+  std::size_t rows_dropped = 0;        // that referred to rows which could be read nowhere
+  bool accepted = false;               // taken as it was
+  // What a damaged catalogue that was put aside (now or earlier) knew, and the present one lacks: a line a scan or kind of row.
+  std::vector<std::string> lost;
+  // Scans and products of backups whose number or name belongs to another one here: they were left out.
+  std::vector<std::string> clashes;
 };
 
 // A scan's row and how much belongs to it.
@@ -178,7 +186,7 @@ struct ScanSummary {
 // already.
 class Store {
  public:
-  // Makes the folder and an empty store; UsageError when one is there already.
+  // Makes the folder and an empty store; UsageError when one is there already, or the objects of one.
   static Store create(const std::filesystem::path& folder);
   // Opens an existing one and migrates older schemas. StoreError for a newer schema (the store is not
   // touched), for a missing store (saying how to make one) and for a file that is no store.
@@ -279,24 +287,27 @@ class Store {
 
   // Copies what the store holds now into the folder, which is made, or holds an earlier backup of this same store: only what it lacks is copied,
   // each object checked against its name, and the catalogue comes last, in one piece. So an interrupted backup leaves the earlier one
-  // whole, and the same call goes on. Others may write meanwhile. A backup is a store itself. Objects that the store removed stay in the
-  // backup (collect_garbage there removes them). Throws UsageError for a folder that holds another store or is this one.
+  // whole, and the same call goes on. Others may write meanwhile. A backup is a store itself. What the store has no more stays in the
+  // backup: objects, and the earlier catalogue where it had rows that the new one lacks (BackupReport::kept_catalogue). Throws UsageError for a folder that holds
+  // another store, or lies in this one or round it; StoreError when another copy into that folder is under way, or its catalogue is damaged.
   BackupReport back_up(const std::filesystem::path& folder) const;
-  // The backup as a store in a folder that holds none yet. Interrupted, it goes on when called again; there is no store there before all is.
-  // Throws UsageError for a folder that holds a store, StoreError for objects that the backup lacks or that are damaged in it.
+  // The backup (its folder, or a catalogue that it has kept) as a store in a folder that holds none yet. Interrupted, it goes on when called again; there is no
+  // store there before all is. Throws UsageError for a folder that holds a store, or objects that the backup does not know.
   static BackupReport restore(const std::filesystem::path& backup, const std::filesystem::path& folder);
 
   // Removes objects that nothing refers to, and files that interrupted writes left, when they are older than `age`: a younger one may be about to be
-  // referred to by a program at work. With `only_look` nothing is removed. Others may write meanwhile, and wait for a moment now and then.
+  // referred to by a program at work. With `only_look` nothing is removed. Others may write meanwhile, and wait for a moment now and then. What kept catalogues
+  // refer to stays. StoreError while a copy into this folder is under way, and while what a repair has put aside is there.
   GarbageReport collect_garbage(std::chrono::seconds age, bool only_look = false);
 
-  // Makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (the newest last) have.
-  // The damaged one is kept beside it. Does nothing to a sound one. One that is whole, but has pages that do not match their checksums, is with
-  // `accept` taken as it is. Throws StoreError when nothing can be read, another program has the store open, or neither backups nor `accept` say
-  // what to do; UsageError for a backup of another store.
+  // Makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (folders or kept catalogues, the
+  // newest last) have. The damaged one is kept beside it, or a mark that there was none. A sound one is left as it is, but for rows that it
+  // lacks of the backups: while a damaged one lies beside it, and from kept catalogues. One that is whole, but has pages that do not match their checksums, is
+  // with `accept` taken as it is. Throws StoreError when nothing can be read, another program has the store open, or neither backups nor `accept` say
+  // what to do; UsageError for a backup of another store: by its identity or, where the catalogue's own is lost, when not even half of its objects are here.
   static CatalogueRepair repair_catalogue(const std::filesystem::path& folder,
                                           const std::vector<std::filesystem::path>& backups, bool accept = false);
-  // Mends damaged and missing objects by sound copies: from backups (stores), and from what interrupted writes left. An object is replaced only by
+  // Mends damaged and missing objects by sound copies: from backups (as above), and from what interrupted writes left. An object is replaced only by
   // bytes that match its name; nothing is removed. Reads every object that is referred to.
   RepairReport repair(const std::vector<std::filesystem::path>& backups);
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
-#include <set>
+#include <optional>
 
 #include "core/disk_space.h"
 #include "core/error.h"
@@ -12,6 +12,8 @@
 #include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "db/store/backup_place.h"
+#include "db/store/catalogue_rows.h"
 #include "db/store/impl.h"
 #include "db/store/page_checks.h"
 #include "db/store/scan_contents.h"
@@ -24,13 +26,34 @@ namespace {
 
 constexpr std::uintmax_t kFileOverhead = 4096;  // of the file system: files take whole blocks
 
-std::string store_id(SQLite::Database& database) {
-  return database.execAndGet("SELECT store_id FROM identity").getString();
+// After all links, and whatever other names a folder is mounted under.
+bool lies_in(const fs::path& inner, const fs::path& outer) {
+  std::error_code error;
+  fs::path place = fs::weakly_canonical(fs::absolute(inner), error);
+  if (error) return false;
+  while (true) {
+    if (fs::equivalent(place, outer, error) && !error) return true;
+    if (!place.has_relative_path()) return false;
+    place = place.parent_path();
+  }
 }
 
-bool same_place(const fs::path& a, const fs::path& b) {
-  std::error_code error;
-  return fs::equivalent(a, b, error) && !error;
+// A copy in the store would be taken for what nothing refers to, and removed.
+void require_apart(const fs::path& copy, const fs::path& store) {
+  if (copy.empty()) throw core::UsageError("no folder is named for the copy");
+  if (lies_in(copy, store)) {
+    throw core::UsageError(copy.string() + ": this is the store itself or a folder in it (" + store.string() +
+                           "); a copy goes to another folder");
+  }
+  if (lies_in(store, copy)) {
+    throw core::UsageError(copy.string() + ": the store " + store.string() +
+                           " lies in this folder; a copy goes to a folder of its own");
+  }
+}
+
+bool has_catalogue(const fs::path& folder) {
+  std::error_code none;
+  return fs::exists(catalogue_path(folder), none) && !fs::is_empty(catalogue_path(folder), none);
 }
 
 std::vector<OwnedObject> all_objects(SQLite::Database& database) {
@@ -48,45 +71,90 @@ std::vector<OwnedObject> all_objects(SQLite::Database& database) {
   return objects;
 }
 
-// The catalogue as it is at one moment, in a file of its own.
+// Not to be seen by others once it is gone out of scope, however it came to be made.
+class Temporary {
+ public:
+  explicit Temporary(fs::path path) : path_(std::move(path)) { remove(); }
+  ~Temporary() { remove(); }
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+  const fs::path& path() const { return path_; }
+
+ private:
+  void remove() const {
+    std::error_code ignored;
+    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_.string() + suffix, ignored);
+  }
+  fs::path path_;
+};
+
+// A catalogue as it is at one moment, in a file of its own. Whoever makes one in a folder has its lock, so that what is there is left of an earlier one.
 class Snapshot {
  public:
-  Snapshot(SQLite::Database& source, const fs::path& folder) : path_(folder / "incoming.sqlite") {
-    remove();
-    SQLite::Database copy = open_checked(path_, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+  Snapshot(SQLite::Database& source, const fs::path& folder)
+      : file_(catalogue_path(folder).string() + ".incoming"), folder_(folder) {
+    SQLite::Database copy = open_checked(file_.path(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
     SQLite::Backup(copy, source).executeStep();
   }
-  ~Snapshot() { remove(); }
-  Snapshot(const Snapshot&) = delete;
-  Snapshot& operator=(const Snapshot&) = delete;
 
-  const fs::path& path() const { return path_; }
-  std::vector<OwnedObject> objects() const {
-    SQLite::Database database = open();
-    return all_objects(database);
-  }
+  SQLite::Database open() const { return open_checked(file_.path(), SQLite::OPEN_READWRITE); }
+  std::uintmax_t bytes() const { return fs::file_size(file_.path()); }
 
   // Makes it the folder's catalogue: whole or not at all, and to programs that read the earlier one in one transaction.
   void install() const {
-    const fs::path target = path_.parent_path() / catalogue_path({});
-    std::error_code none;
-    if (!fs::exists(target, none) || fs::is_empty(target, none)) {
-      put_catalogue(path_, path_.parent_path());
+    if (!has_catalogue(folder_)) {
+      put_catalogue(file_.path(), folder_);
       return;
     }
-    SQLite::Database earlier = open_checked(target, SQLite::OPEN_READWRITE);
+    SQLite::Database earlier = open_checked(catalogue_path(folder_), SQLite::OPEN_READWRITE);
     SQLite::Database source = open();
     earlier.exec("PRAGMA synchronous = FULL");
     SQLite::Backup(earlier, source).executeStep();
   }
 
  private:
-  SQLite::Database open() const { return open_checked(path_, SQLite::OPEN_READWRITE); }
-  void remove() const {
-    std::error_code ignored;
-    for (const char* suffix : {"", "-wal", "-shm", "-journal"}) fs::remove(path_.string() + suffix, ignored);
+  Temporary file_;
+  fs::path folder_;
+};
+
+// The catalogue of an earlier backup, about to be replaced.
+class Earlier {
+ public:
+  // Nothing where the folder holds none. Throws as open_catalogue, and StoreError for a damaged one: nobody could say what it alone has.
+  static std::optional<Earlier> in(const fs::path& folder, const fs::path& store) {
+    if (!has_catalogue(folder)) return std::nullopt;
+    Earlier earlier(folder);
+    earlier.database_.exec("PRAGMA wal_checkpoint(PASSIVE)");
+    if (const auto damaged = damaged_pages(catalogue_path(folder)); !damaged.empty()) {
+      throw core::StoreError(folder.string() + ": page " + std::to_string(damaged[0]) +
+                             " of the backup's catalogue does not match its checksum; nothing was copied. `lightstage "
+                             "store repair --store " +
+                             folder.string() + " --from " + store.string() + "` mends it");
+    }
+    return earlier;
   }
-  fs::path path_;
+
+  SQLite::Database& database() { return database_; }
+  std::uintmax_t bytes() const { return fs::file_size(catalogue_path(folder_)); }
+
+  // Puts a copy of it aside when it has rows that the new one lacks.
+  void keep_unless_contained(const Snapshot& incoming, BackupReport& report) {
+    SQLite::Database now = incoming.open();
+    report.gone = missing_rows(database_, now);
+    if (report.gone.empty()) return;
+    const Temporary made(catalogue_path(folder_).string() + ".keeping");
+    {
+      SQLite::Database copy = open_checked(made.path(), SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
+      SQLite::Backup(copy, database_).executeStep();
+    }
+    report.kept_catalogue = place_for_kept(folder_);
+    core::move_file_durably(made.path(), report.kept_catalogue);
+  }
+
+ private:
+  explicit Earlier(const fs::path& folder) : folder_(folder), database_(open_catalogue(folder)) {}
+  fs::path folder_;
+  SQLite::Database database_;
 };
 
 // Networks that the store keeps: few and replaced whole, told apart by size and time as by make.
@@ -107,26 +175,56 @@ void copy_models(const fs::path& from, const fs::path& to, BackupReport& report)
   }
 }
 
-// Throws StoreError where the backup's disk has no room for what is to be copied: objects that it lacks, and twice the catalogue (beside the one that it replaces).
-void require_room_for(const std::vector<OwnedObject>& objects, const ObjectFiles& from, const ObjectFiles& to,
-                      std::uintmax_t catalogue) {
-  std::uintmax_t bytes = 2 * catalogue;
-  for (const OwnedObject& object : objects) {
-    std::error_code none;
-    if (fs::exists(to.path(object.hash), none)) continue;
-    const std::uintmax_t size = fs::file_size(from.path(object.hash), none);
-    if (!none) bytes += size + kFileOverhead;
+// Copies objects that the backup lacks.
+class ObjectCopy {
+ public:
+  ObjectCopy(const ObjectFiles& from, const ObjectFiles& to) : from_(from), to_(to) {}
+
+  // Throws StoreError where the backup's disk has no room for them, and for what comes besides.
+  void require_room(const std::vector<OwnedObject>& objects, std::uintmax_t besides) const {
+    std::uintmax_t bytes = besides;
+    for (const OwnedObject& object : objects) {
+      if (seems_there(object.hash)) continue;
+      std::error_code none;
+      const std::uintmax_t size = fs::file_size(from_.path(object.hash), none);
+      if (!none) bytes += size + kFileOverhead;
+    }
+    core::require_room(to_.folder(), bytes, "the backup");
   }
-  core::require_room(to.folder(), bytes, "the backup");
-}
+
+  // Returns what is wrong with an object that the backup then has no sound copy of. May be called from several threads.
+  std::optional<std::string> run(const OwnedObject& object, BackupReport& report) {
+    if (seems_there(object.hash)) return std::nullopt;
+    if (const auto problem = from_.problem(object.hash)) {
+      if (!to_.problem(object.hash)) return std::nullopt;
+      return object.owner + ": object " + object.hash.hex() + " " + *problem;
+    }
+    const std::uintmax_t size = to_.adopt(from_.path(object.hash), object.hash);
+    const std::scoped_lock lock(mutex_);
+    ++report.copied;
+    report.copied_bytes += size;
+    return std::nullopt;
+  }
+
+ private:
+  // A file of the same size. That its bytes are right `store verify` of the backup says, which reads them.
+  bool seems_there(const ContentHash& hash) const {
+    std::error_code ours, theirs;
+    const std::uintmax_t a = fs::file_size(from_.path(hash), ours), b = fs::file_size(to_.path(hash), theirs);
+    return !ours && !theirs && a == b;
+  }
+
+  const ObjectFiles& from_;
+  const ObjectFiles& to_;
+  std::mutex mutex_;
+};
 
 }  // namespace
 
 BackupReport Store::back_up(const fs::path& folder) const {
-  if (same_place(folder, this->folder())) {
-    throw core::UsageError(folder.string() + ": this is the store itself; a backup goes to another folder");
-  }
-  if (const auto damaged = damaged_pages(catalogue_path(this->folder())); !damaged.empty()) {
+  require_apart(folder, this->folder());
+  const fs::path catalogue = impl_->database.getFilename();
+  if (const auto damaged = damaged_pages(catalogue); !damaged.empty()) {
     throw core::StoreError(
         this->folder().string() + ": page " + std::to_string(damaged[0]) +
         " of the catalogue does not match its checksum; nothing was copied. `lightstage store repair` says what to do");
@@ -134,59 +232,70 @@ BackupReport Store::back_up(const fs::path& folder) const {
   BackupReport report;
   explaining(folder, [&] {
     core::make_folder(folder / "objects");
-    std::error_code none;
-    if (fs::exists(catalogue_path(folder), none) && !fs::is_empty(catalogue_path(folder), none)) {
-      SQLite::Database earlier = open_catalogue(folder);
-      if (store_id(earlier) != store_id(impl_->database)) {
-        throw core::UsageError(folder.string() + ": there is another store in this folder, not a backup of " +
-                               this->folder().string() + "; choose a folder of its own");
-      }
+    const core::FileLock alone = lock_objects(folder);
+    std::optional<Earlier> earlier = Earlier::in(folder, this->folder());
+    if (earlier && store_id(earlier->database()) != store_id(impl_->database)) {
+      throw core::UsageError(folder.string() + ": there is another store in this folder, not a backup of " +
+                             this->folder().string() + "; choose a folder of its own");
     }
+    core::require_room(folder, fs::file_size(catalogue), "the backup's catalogue");
     const Snapshot snapshot(impl_->database, folder);
-    const std::vector<OwnedObject> objects = snapshot.objects();
+    const std::vector<OwnedObject> objects = [&] {
+      SQLite::Database database = snapshot.open();
+      return all_objects(database);
+    }();
     report.objects = objects.size();
     const ObjectFiles files(folder);
-    require_room_for(objects, impl_->objects, files, fs::file_size(snapshot.path()));
-    std::vector<std::string> problems(objects.size());
-    std::atomic<std::size_t> copied = 0;
-    std::atomic<std::uint64_t> bytes = 0;
+    ObjectCopy copy(impl_->objects, files);
+    // Twice the catalogue, for it comes beside the one that it replaces, which may stay.
+    copy.require_room(objects, 2 * snapshot.bytes() + (earlier ? earlier->bytes() : 0));
+    std::vector<std::optional<std::string>> problems(objects.size());
     core::Progress progress("copying objects", objects.size());
     core::parallel_for(objects.size(), 1, [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i) {
         core::throw_if_interrupted();
-        const OwnedObject& object = objects[i];
+        problems[i] = copy.run(objects[i], report);
         progress.advance();
-        std::error_code ignored;
-        if (fs::exists(files.path(object.hash), ignored)) continue;
-        if (const auto problem = impl_->objects.problem(object.hash)) {
-          problems[i] = object.owner + ": object " + object.hash.hex() + " " + *problem;
-          continue;
-        }
-        bytes += files.adopt(impl_->objects.path(object.hash), object.hash);
-        ++copied;
       }
     });
-    for (std::string& problem : problems) {
-      if (!problem.empty()) report.damaged.push_back(std::move(problem));
+    for (std::optional<std::string>& problem : problems) {
+      if (problem) report.damaged.push_back(*std::move(problem));
     }
-    report.copied = copied;
-    report.copied_bytes = bytes;
     copy_models(this->folder(), folder, report);
+    if (earlier) earlier->keep_unless_contained(snapshot, report);
     snapshot.install();
+    sync_folder(folder);
   });
-  sync_folder(folder);
   return report;
 }
 
 BackupReport Store::restore(const fs::path& backup, const fs::path& folder) {
-  std::error_code none;
-  if (fs::exists(catalogue_path(folder), none) && !fs::is_empty(catalogue_path(folder), none)) {
+  if (has_catalogue(folder)) {
     throw core::UsageError(folder.string() +
                            ": there is a store already; restore into a new folder, or mend this one with `lightstage "
                            "store repair --from " +
                            backup.string() + "`");
   }
-  const Store source = open(backup);
+  const BackupPlace place(backup);
+  BackupCatalogue catalogue(place);  // until the copy is made
+  const Store source(
+      std::unique_ptr<Impl>(new Impl{place.folder, ObjectFiles(place.folder), std::move(catalogue).take()}));
+  require_apart(folder, place.folder);
+  // Once there is a catalogue that does not know them, `store gc` would remove them.
+  std::size_t unknown = 0;
+  std::error_code none;
+  if (fs::is_directory(folder / "objects", none)) {
+    for (const ContentHash& hash : ObjectFiles(folder).list().objects) {
+      unknown += is_referred_to(source.impl_->database, hash) ? 0 : 1;
+    }
+  }
+  if (unknown > 0) {
+    throw core::UsageError(
+        folder.string() + ": " + std::to_string(unknown) + " objects here are not of " + backup.string() +
+        "; restore into a new folder, or, if this is the store whose catalogue is lost, mend it with "
+        "`lightstage store repair --from " +
+        backup.string() + "`");
+  }
   return source.back_up(folder);
 }
 

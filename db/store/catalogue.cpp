@@ -90,6 +90,25 @@ void configure(SQLite::Database& database, const fs::path& store_folder) {
   bound_log(database);
 }
 
+// Whether there are objects, which a catalogue must have known. A folder that cannot be looked into has some.
+bool has_objects(const fs::path& store_folder) {
+  std::error_code error;
+  if (!fs::exists(store_folder / "objects", error) && !error) return false;
+  try {
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(store_folder / "objects")) {
+      if (!entry.is_directory()) return true;
+    }
+    return false;
+  } catch (const fs::filesystem_error&) {
+    return true;
+  }
+}
+
+std::string how_to_mend(const fs::path& store_folder) {
+  return "; `lightstage store repair --store " + store_folder.string() +
+         " --from BACKUP` makes a catalogue for its objects of a backup";
+}
+
 }  // namespace
 
 fs::path catalogue_path(const fs::path& store_folder) {
@@ -104,6 +123,11 @@ SQLite::Database create_catalogue(const fs::path& store_folder) {
     std::error_code none;
     if (fs::exists(path, none) && !fs::is_empty(path, none)) {
       throw core::UsageError(store_folder.string() + ": there is a store already");
+    }
+    // An empty catalogue would know none of them, and `store gc` would remove them.
+    if (has_objects(store_folder)) {
+      throw core::UsageError(store_folder.string() + ": there are objects of a store here, whose catalogue is lost" +
+                             how_to_mend(store_folder) + ". A new store goes to another folder");
     }
     {
       // Made elsewhere and moved in whole, so that a crash leaves a store or none.
@@ -126,6 +150,10 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
   const fs::path path = catalogue_path(store_folder);
   std::error_code none;
   if (!fs::exists(path, none)) {
+    if (has_objects(store_folder)) {
+      throw core::StoreError(store_folder.string() + ": the catalogue store.sqlite is missing" +
+                             how_to_mend(store_folder));
+    }
     throw core::StoreError(store_folder.string() +
                            ": there is no store here (no store.sqlite); make one with `lightstage init --store " +
                            store_folder.string() + "`");
@@ -134,6 +162,10 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     if (fs::is_symlink(path, none)) {
       throw core::StoreError(path.string() +
                              ": is a symbolic link; a store's catalogue lies in the store's own folder");
+    }
+    if (fs::is_regular_file(path, none) && fs::is_empty(path, none) && has_objects(store_folder)) {
+      throw core::StoreError(store_folder.string() + ": the catalogue store.sqlite is empty" +
+                             how_to_mend(store_folder));
     }
     const std::optional<Identity> identity = fs::is_regular_file(path, none) ? look_at(path) : std::nullopt;
     if (!identity || identity->application_id != kApplicationId) {

@@ -12,7 +12,7 @@ namespace lightstage::db {
 
 std::filesystem::path catalogue_path(const std::filesystem::path& store_folder);
 
-// A new, empty catalogue. Throws UsageError when there is one already.
+// A new, empty catalogue. Throws UsageError when there is one already, or objects that it would not know.
 SQLite::Database create_catalogue(const std::filesystem::path& store_folder);
 // An existing one, migrated. Throws StoreError when it is missing, no store, or newer than this program; a
 // newer one is not touched: no byte of it, of its journal or of its folder changes.
@@ -27,6 +27,8 @@ void throw_if_newer(const std::filesystem::path& store_folder);
 
 // store.sqlite.damaged-1 and so on: catalogues that a repair has put aside.
 inline constexpr const char* kDamagedSuffix = ".damaged-";
+// store.sqlite.missing-1 and so on: the mark that a repair found no catalogue to put aside.
+inline constexpr const char* kMissingSuffix = ".missing-";
 
 // What a database error means for the user, with the store's path.
 core::StoreError explained(const SQLite::Exception& error, const std::filesystem::path& store_folder);

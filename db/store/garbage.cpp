@@ -1,7 +1,10 @@
 // Store: removing what nothing refers to.
+#include <set>
+
 #include "core/error.h"
 #include "core/interrupt.h"
 #include "core/progress.h"
+#include "db/store/backup_place.h"
 #include "db/store/impl.h"
 #include "db/store/scan_contents.h"
 
@@ -19,15 +22,13 @@ std::optional<std::chrono::seconds> age_of(const fs::path& file) {
   return std::chrono::duration_cast<std::chrono::seconds>(fs::file_time_type::clock::now() - written);
 }
 
-// Objects may belong to rows that only a catalogue that was put aside still has.
-void refuse_with_damaged_catalogue(const fs::path& folder) {
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().filename().string().starts_with(catalogue_path({}).string() + kDamagedSuffix)) {
-      throw core::StoreError(
-          entry.path().string() +
-          ": this damaged catalogue may know more objects than the one in use; nothing is removed while it is "
-          "here. Move it away when all that you need is there again");
-    }
+// Objects may belong to rows that only a catalogue that was put aside, or is gone, still has.
+void refuse_where_rows_were_lost(const fs::path& folder) {
+  if (const std::optional<fs::path> mark = holds_garbage(folder)) {
+    throw core::StoreError(
+        mark->string() +
+        ": the catalogue that was here before a repair may have known more objects than the one in use; nothing is "
+        "removed while this file is here. Move it away when all that you need is there again");
   }
 }
 
@@ -35,7 +36,9 @@ void refuse_with_damaged_catalogue(const fs::path& folder) {
 
 GarbageReport Store::collect_garbage(std::chrono::seconds age, bool only_look) {
   require_writable();
-  refuse_with_damaged_catalogue(folder());
+  refuse_where_rows_were_lost(folder());
+  const core::FileLock alone = lock_objects(folder());
+  const std::set<ContentHash> kept = explaining(folder(), [&] { return objects_of_kept(folder()); });
   GarbageReport report;
   const ObjectFiles::Listing listing = impl_->objects.list();
   const auto remove = [&](const fs::path& file, std::size_t& count) {
@@ -62,7 +65,7 @@ GarbageReport Store::collect_garbage(std::chrono::seconds age, bool only_look) {
     impl_->write([&] {
       for (std::size_t i = begin; i < end; ++i) {
         const ContentHash& hash = listing.objects[i];
-        if (is_referred_to(impl_->database, hash)) continue;
+        if (kept.contains(hash) || is_referred_to(impl_->database, hash)) continue;
         if (remove(impl_->objects.path(hash), report.objects) && !only_look) {
           impl_->change("DELETE FROM objects WHERE hash = ?", hash);
         }

@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <fstream>
+#include <limits>
 #include <set>
 #include <sstream>
 #include <vector>
@@ -33,11 +34,11 @@ std::string command_of(long pid) {
   return std::string(core::trim(words));
 }
 
-}  // namespace
-
-std::string lock_holders(const fs::path& store_folder) {
+// Who has locked the file, as `wanted(kind of lock, first byte, last byte)` asks.
+template <class Wanted>
+std::string holders_of(const fs::path& path, const Wanted& wanted) {
   struct stat status {};
-  if (::stat((catalogue_path(store_folder).string() + "-shm").c_str(), &status) != 0) return {};
+  if (::stat(path.c_str(), &status) != 0) return {};
   char file[64];
   std::snprintf(file, sizeof file, "%02x:%02x:%lu", major(status.st_dev), minor(status.st_dev),
                 static_cast<unsigned long>(status.st_ino));
@@ -49,9 +50,9 @@ std::string lock_holders(const fs::path& store_folder) {
     std::string number, kind, strength, access, place, last;
     long pid = 0, first = 0;
     if (!(words >> number >> kind >> strength >> access >> pid >> place >> first >> last)) continue;
-    if (access != "WRITE" || place != file || first > kLastWriterByte) continue;
-    if (last != "EOF" && core::parse_integer(last).value_or(0) < kFirstWriterByte) continue;
-    pids.insert(pid);
+    if (access != "WRITE" || place != file) continue;
+    constexpr long kEnd = std::numeric_limits<long>::max();
+    if (wanted(kind, first, last == "EOF" ? kEnd : long(core::parse_integer(last).value_or(0)))) pids.insert(pid);
   }
   std::vector<std::string> holders;
   for (const long pid : pids) {
@@ -61,6 +62,18 @@ std::string lock_holders(const fs::path& store_folder) {
                           : "process " + std::to_string(pid) + (command.empty() ? "" : " (" + command + ")"));
   }
   return core::joined(holders, ", ");
+}
+
+}  // namespace
+
+std::string lock_holders(const fs::path& store_folder) {
+  return holders_of(catalogue_path(store_folder).string() + "-shm", [](const std::string&, long first, long last) {
+    return first <= kLastWriterByte && last >= kFirstWriterByte;
+  });
+}
+
+std::string folder_lock_holders(const fs::path& folder) {
+  return holders_of(folder, [](const std::string& kind, long, long) { return kind == "FLOCK"; });
 }
 
 }  // namespace lightstage::db

@@ -11,4 +11,7 @@ namespace lightstage::db {
 // process holds on it.
 std::string lock_holders(const std::filesystem::path& store_folder);
 
+// Those that hold a core::FileLock of this folder, in the same words.
+std::string folder_lock_holders(const std::filesystem::path& folder);
+
 }  // namespace lightstage::db

@@ -6,6 +6,7 @@
 #include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "db/store/backup_place.h"
 #include "db/store/impl.h"
 #include "db/store/scan_contents.h"
 
@@ -15,12 +16,8 @@ namespace fs = std::filesystem;
 
 RepairReport Store::repair(const std::vector<fs::path>& backups) {
   require_writable();
-  for (const fs::path& backup : backups) {
-    std::error_code error;
-    if (!fs::is_directory(backup / "objects", error)) {
-      throw core::UsageError(backup.string() + ": this is no backup (no folder objects in it)");
-    }
-  }
+  std::vector<ObjectFiles> sources;
+  for (const fs::path& backup : backups) sources.emplace_back(BackupPlace(backup).folder);
   std::map<ContentHash, std::vector<std::string>> owners;
   explaining(folder(), [&] {
     SQLite::Transaction snapshot(impl_->database);
@@ -63,8 +60,7 @@ RepairReport Store::repair(const std::vector<fs::path>& backups) {
     core::throw_if_interrupted();
     const ContentHash& hash = hashes[i];
     std::optional<fs::path> sound;
-    for (const fs::path& backup : backups) {
-      const ObjectFiles files(backup);
+    for (const ObjectFiles& files : sources) {
       if (!sound && !files.problem(hash)) sound = files.path(hash);
     }
     if (!sound) sound = left_over(hash);

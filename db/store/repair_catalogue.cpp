@@ -1,12 +1,17 @@
 // Store: a new catalogue of what can be read of a damaged one and of backups.
 #include <algorithm>
+#include <list>
 #include <optional>
+#include <set>
 
 #include <sqlite3.h>
 
 #include "core/error.h"
-#include "core/interrupt.h"
+#include "core/file.h"
 #include "core/scratch_folder.h"
+#include "core/text.h"
+#include "db/store/backup_place.h"
+#include "db/store/catalogue_rows.h"
 #include "db/store/impl.h"
 #include "db/store/migrations.h"
 #include "db/store/page_checks.h"
@@ -16,19 +21,6 @@ namespace lightstage::db {
 namespace fs = std::filesystem;
 
 namespace {
-
-// In an order in which nothing refers to a later one.
-constexpr const char* kTables[] = {"identity",
-                                   "objects",
-                                   "scans",
-                                   "cameras",
-                                   "steps",
-                                   "frames",
-                                   "products",
-                                   "product_input_scans",
-                                   "product_input_products",
-                                   "product_images",
-                                   "calibrated_lights"};
 
 bool is_sound(SQLite::Database& database) {
   SQLite::Statement check(database, "PRAGMA integrity_check(1)");
@@ -57,115 +49,6 @@ Condition condition_of(const fs::path& store_folder) {
   }
 }
 
-std::string columns_of(SQLite::Database& database, const std::string& table) {
-  std::string names;
-  SQLite::Statement row(database, "SELECT name FROM pragma_table_info(?)");
-  row.bind(1, table);
-  while (row.executeStep()) names += ", " + row.getColumn(0).getString();
-  return names;
-}
-
-// Copies rows from one catalogue to another, in place of what has the same keys there.
-class RowCopy {
- public:
-  RowCopy(SQLite::Database& from, SQLite::Database& to, const std::string& table)
-      : read_(from, "SELECT rowid" + columns_of(to, table) + " FROM " + table + " WHERE rowid >= ? ORDER BY rowid"),
-        write_(to, insertion(to, table)) {}
-
-  // Rows on pages that cannot be read are stepped over.
-  void run(std::size_t& copied) {
-    Id next = 0;
-    while (const std::optional<Id> stuck = run_from(next, copied)) {
-      const std::optional<Id> beyond = first_readable_after(*stuck);
-      if (!beyond) return;
-      next = *beyond;
-    }
-  }
-
- private:
-  static std::string insertion(SQLite::Database& to, const std::string& table) {
-    const std::string columns = columns_of(to, table);
-    std::string places;
-    for (std::size_t i = std::size_t(std::count(columns.begin(), columns.end(), ',')); i > 0; --i) places += ", ?";
-    return "INSERT OR REPLACE INTO " + table + " (rowid" + columns + ") VALUES (?" + places + ")";
-  }
-
-  // The key at which a page could not be read; nothing when all is done.
-  std::optional<Id> run_from(Id first, std::size_t& copied) {
-    Id next = first;
-    try {
-      read_.reset();
-      read_.bind(1, std::int64_t(first));
-      while (read_.executeStep()) {
-        core::throw_if_interrupted();
-        next = read_.getColumn(0).getInt64() + 1;
-        if (write_row()) ++copied;
-      }
-      return std::nullopt;
-    } catch (const SQLite::Exception&) {
-      return next;
-    }
-  }
-
-  // False for a row that breaks the table's rules.
-  bool write_row() {
-    write_.reset();
-    for (int i = 0; i < read_.getColumnCount(); ++i) {
-      const SQLite::Column value = read_.getColumn(i);
-      if (value.isInteger()) {
-        write_.bind(i + 1, value.getInt64());
-      } else if (value.isFloat()) {
-        write_.bind(i + 1, value.getDouble());
-      } else if (value.isText()) {
-        write_.bind(i + 1, value.getString());
-      } else {  // no table of ours holds blobs
-        write_.bind(i + 1);
-      }
-    }
-    return write_.tryExecuteStep() == SQLITE_DONE;
-  }
-
-  bool readable(Id first) {
-    try {
-      read_.reset();
-      read_.bind(1, std::int64_t(first));
-      read_.executeStep();
-      return true;
-    } catch (const SQLite::Exception&) {
-      return false;
-    }
-  }
-
-  // By steps that double, then halve: a page holds up to some hundred rows.
-  std::optional<Id> first_readable_after(Id stuck) {
-    constexpr Id kFarthest = Id(1) << 40;
-    Id step = 1;
-    while (!readable(stuck + step)) {
-      step *= 2;
-      if (step > kFarthest) return std::nullopt;
-    }
-    Id unreadable = step / 2;
-    while (step - unreadable > 1) {
-      const Id middle = unreadable + (step - unreadable) / 2;
-      (readable(stuck + middle) ? step : unreadable) = middle;
-    }
-    return stuck + step;
-  }
-
-  SQLite::Statement read_, write_;
-};
-
-std::size_t copy_rows(SQLite::Database& from, SQLite::Database& to) {
-  std::size_t copied = 0;
-  for (const char* table : kTables) {
-    try {
-      RowCopy(from, to, table).run(copied);
-    } catch (const SQLite::Exception&) {  // the table is not there, or where its rows are cannot be read
-    }
-  }
-  return copied;
-}
-
 // Rows that refer to what could not be read.
 std::size_t drop_dangling(SQLite::Database& database) {
   std::size_t dropped = 0;
@@ -184,13 +67,95 @@ std::size_t drop_dangling(SQLite::Database& database) {
   }
 }
 
-std::optional<std::string> store_id(SQLite::Database& database) {
-  try {
-    return database.execAndGet("SELECT store_id FROM identity").getString();
-  } catch (const SQLite::Exception&) {
-    return std::nullopt;
+// Objects' rows say only what their files know too.
+void enter_objects_again(SQLite::Database& database, const ObjectFiles& files) {
+  SQLite::Statement unknown(database,
+                            "SELECT object FROM frames UNION SELECT object FROM product_images EXCEPT SELECT hash FROM "
+                            "objects");
+  std::vector<ContentHash> hashes;
+  while (unknown.executeStep()) hashes.push_back(ContentHash::from_hex(unknown.getColumn(0).getString()));
+  for (const ContentHash& hash : hashes) {
+    try {
+      const core::ImageSize size = files.read_size(hash);
+      SQLite::Statement row(database, "INSERT INTO objects (hash, height, width, channels) VALUES (?, ?, ?, ?)");
+      bind_all(row, hash, size.height, size.width, size.channels);
+      row.exec();
+    } catch (const core::StoreError&) {  // the file is damaged or gone too
+    }
   }
 }
+
+// Catalogues to take rows from, the newest first.
+class Sources {
+ public:
+  explicit Sources(const std::vector<fs::path>& backups) {
+    for (const fs::path& backup : backups) {
+      Source& source = sources_.emplace_front(backup);
+      const std::string id = store_id(source.catalogue.database());
+      if (id.empty()) throw core::StoreError(backup.string() + ": its catalogue does not say which store it is of");
+      if (!id_.empty() && id != id_) {
+        throw core::UsageError(backup.string() + ": this is a backup of another store than " +
+                               sources_.back().named.string());
+      }
+      id_ = id;
+    }
+  }
+
+  // Throws UsageError unless they are of the store in this folder: as its identity says or, where that is lost, the objects.
+  void require_of(const fs::path& folder, const std::string& own_id) {
+    if (sources_.empty()) return;
+    if (!own_id.empty() && own_id != id_) {
+      throw core::UsageError(sources_.back().named.string() + ": this is a backup of another store than " +
+                             folder.string());
+    }
+    if (!own_id.empty()) return;
+    const ObjectFiles files(folder);
+    std::vector<ObjectsHere> counts;
+    for (Source& source : sources_) {
+      counts.push_back(objects_here(source.catalogue.database(), files));
+      if (2 * counts.back().here > counts.back().all) return;
+    }
+    if (counts.front().all == 0 && files.list().objects.empty()) return;
+    const std::string newest = sources_.front().named.string();
+    throw core::UsageError(newest + ": of the " + std::to_string(counts.front().all) + " objects of this backup " +
+                           std::to_string(counts.front().here) + " are in " + folder.string() +
+                           ", whose own catalogue cannot say which store it is: it seems to be another. `lightstage "
+                           "store restore " +
+                           newest + "` makes a store of the backup in a folder of its own");
+  }
+
+  // Of a catalogue whose own identity is lost.
+  void identify(SQLite::Database& catalogue) const {
+    if (sources_.empty()) return;
+    SQLite::Statement row(catalogue, "INSERT OR REPLACE INTO identity (only, store_id) VALUES (1, ?)");
+    row.bind(1, id_);
+    row.exec();
+  }
+
+  void add_to(SQLite::Database& catalogue, CatalogueRepair& report) {
+    for (Source& source : sources_) {
+      AddedRows added = [&] {
+        const fs::path file = source.catalogue.database().getFilename();
+        if (damaged_pages(file).empty()) return add_missing_rows(source.catalogue.database(), catalogue);
+        std::optional<SQLite::Database> sound = open_sound_pages(file);
+        return sound ? add_missing_rows(*sound, catalogue) : AddedRows();
+      }();
+      report.rows_from_backups += added.count;
+      for (const std::string& clash : added.clashes) {
+        report.clashes.push_back(clash + ", of " + source.named.string());
+      }
+    }
+  }
+
+ private:
+  struct Source {
+    explicit Source(const fs::path& name) : named(name), catalogue(BackupPlace(name)) {}
+    fs::path named;
+    BackupCatalogue catalogue;
+  };
+  std::list<Source> sources_;
+  std::string id_;
+};
 
 // The sound pages of the catalogue, and nobody else at it.
 std::optional<SQLite::Database> open_alone(const fs::path& path, const fs::path& store_folder) {
@@ -207,24 +172,67 @@ std::optional<SQLite::Database> open_alone(const fs::path& path, const fs::path&
   return database;
 }
 
-// A name for the damaged catalogue that is not taken.
-fs::path place_for_damaged(const fs::path& path) {
+// A name that is not taken.
+fs::path numbered(const fs::path& path, const char* suffix) {
   std::error_code none;
   for (int i = 1;; ++i) {
-    fs::path place = path.string() + kDamagedSuffix + std::to_string(i);
+    fs::path place = path.string() + suffix + std::to_string(i);
     if (!fs::exists(place, none)) return place;
   }
+}
+
+bool holds_anything(const fs::path& file) {
+  std::error_code none;
+  const std::uintmax_t size = fs::file_size(file, none);
+  return !none && size > 0;
 }
 
 void move_away(const fs::path& path, const fs::path& damaged) {
   std::error_code error;
   // A second name first, so that there is a catalogue, damaged or new, at every moment.
-  if (fs::exists(path, error)) fs::create_hard_link(path, damaged, error);
+  if (holds_anything(path)) fs::create_hard_link(path, damaged, error);
   if (error) throw core::StoreError(damaged.string() + ": cannot be made: " + error.message());
   // A log beside the new catalogue would be taken for its own.
   if (fs::exists(path.string() + "-wal", error)) fs::rename(path.string() + "-wal", damaged.string() + "-wal", error);
   if (error) throw core::StoreError(path.string() + "-wal: cannot be moved: " + error.message());
   fs::remove(path.string() + "-shm", error);
+}
+
+// What damaged catalogues that were put aside knew and the present one lacks.
+std::vector<std::string> still_lost(const fs::path& folder, SQLite::Database& catalogue) {
+  std::set<std::string> lost;
+  const std::string name = catalogue_path({}).string() + kDamagedSuffix;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    const std::string file = entry.path().filename().string();
+    if (!file.starts_with(name) || !core::parse_integer(std::string_view(file).substr(name.size()))) continue;
+    // Opened as they are they would change.
+    const core::ScratchFolder scratch(core::temporary_folder());
+    const fs::path copy = catalogue_path(scratch.path());
+    std::error_code none;
+    fs::copy_file(entry.path(), copy, none);
+    fs::copy_file(entry.path().string() + "-wal", copy.string() + "-wal", none);
+    std::optional<SQLite::Database> pages = open_sound_pages(copy);
+    if (!pages) continue;
+    for (std::string& line : missing_keys(*pages, catalogue)) lost.insert(std::move(line));
+  }
+  return {lost.begin(), lost.end()};
+}
+
+// A sound catalogue gets what was lost earlier, or removed, and stands in backups.
+void add_to_sound(const fs::path& folder, const std::vector<fs::path>& backups, CatalogueRepair& report) {
+  const bool lost_some = holds_garbage(folder).has_value();
+  const bool asked_for = std::any_of(backups.begin(), backups.end(),
+                                     [](const fs::path& backup) { return BackupPlace(backup).kept.has_value(); });
+  if (!lost_some && !asked_for) return;
+  SQLite::Database own = open_catalogue(folder);
+  if (!backups.empty()) {
+    Sources sources(backups);
+    sources.require_of(folder, store_id(own));
+    SQLite::Transaction whole(own, SQLite::TransactionBehavior::IMMEDIATE);
+    sources.add_to(own, report);
+    whole.commit();
+  }
+  report.lost = still_lost(folder, own);
 }
 
 }  // namespace
@@ -236,7 +244,10 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
   }
   CatalogueRepair report;
   const Condition condition = condition_of(folder);
-  if (condition == Condition::kSound) return report;
+  if (condition == Condition::kSound) {
+    explaining(folder, [&] { add_to_sound(folder, backups, report); });
+    return report;
+  }
   const fs::path path = catalogue_path(folder);
   if (condition == Condition::kWritten && accept) {
     explaining(folder, [&] {
@@ -259,27 +270,34 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
     const fs::path made = scratch.path() / path.filename();
     {
       std::optional<SQLite::Database> damaged = open_alone(path, folder);
-      const std::optional<std::string> id = damaged ? store_id(*damaged) : std::nullopt;
+      Sources sources(backups);
+      const std::string own_id = damaged ? store_id(*damaged) : std::string();
+      sources.require_of(folder, own_id);
       SQLite::Database fresh = open_checked(made, SQLite::OPEN_READWRITE | SQLite::OPEN_CREATE);
       migrate(fresh);
       fresh.exec("PRAGMA foreign_keys = OFF; BEGIN");
-      for (const fs::path& backup : backups) {
-        SQLite::Database sound = open_catalogue(backup);
-        if (id && store_id(sound) != id) {
-          throw core::UsageError(backup.string() + ": this is a backup of another store than " + folder.string());
-        }
-        report.rows_from_backups += copy_rows(sound, fresh);
-      }
-      if (damaged) report.rows_read = copy_rows(*damaged, fresh);
+      if (damaged) report.rows_read = copy_readable_rows(*damaged, fresh);
+      if (own_id.empty()) sources.identify(fresh);
+      sources.add_to(fresh, report);
       if (report.rows_read + report.rows_from_backups == 0) {
         throw core::StoreError(
             folder.string() + ": nothing of the catalogue can be read; name a backup with --from. Nothing was changed");
       }
+      enter_objects_again(fresh, ObjectFiles(folder));
       report.rows_dropped = drop_dangling(fresh);
       fresh.exec("COMMIT");
+      if (damaged) report.lost = missing_keys(*damaged, fresh);
     }
-    report.damaged_copy = place_for_damaged(path);
-    move_away(path, report.damaged_copy);
+    report.made_anew = true;
+    const fs::path aside = numbered(path, kDamagedSuffix);
+    if (holds_anything(path)) {
+      report.damaged_copy = aside;
+    } else {
+      core::write_file_atomically(numbered(path, kMissingSuffix),
+                                  "There was no catalogue here when `lightstage store repair` made one of backups. "
+                                  "While this file is here, `store gc` removes nothing.\n");
+    }
+    move_away(path, aside);
     put_catalogue(made, folder);
   });
   return report;
