@@ -328,7 +328,7 @@ std::vector<std::size_t> damaged_pages(const fs::path& catalogue) {
 
 bool one_bit_flipped(const fs::path& catalogue, const std::vector<std::size_t>& pages) {
   std::vector<unsigned char> page = sound_first_page(catalogue);
-  if (!page_matches(page, 1)) return false;
+  if (page.empty() || !page_matches(page, 1)) return false;
   BareFile file(catalogue);
   return std::ranges::all_of(pages, [&](std::size_t number) {
     if (number == 1) return true;

@@ -200,9 +200,9 @@ void move_away(const fs::path& path, const fs::path& damaged) {
   fs::remove(path.string() + "-shm", error);
 }
 
-// What damaged catalogues that were put aside knew and the present one lacks.
-std::vector<std::string> still_lost(const fs::path& folder, SQLite::Database& catalogue) {
-  std::set<std::string> lost;
+// The damaged catalogues that repairs have put aside, with what can be read of each.
+template <class Use>
+void each_damaged(const fs::path& folder, const Use& use) {
   const std::string name = catalogue_path({}).string() + kDamagedSuffix;
   for (const auto& entry : fs::directory_iterator(folder)) {
     const std::string file = entry.path().filename().string();
@@ -213,11 +213,9 @@ std::vector<std::string> still_lost(const fs::path& folder, SQLite::Database& ca
     std::error_code none;
     fs::copy_file(entry.path(), copy, none);
     fs::copy_file(entry.path().string() + "-wal", copy.string() + "-wal", none);
-    std::optional<SQLite::Database> pages = open_sound_pages(copy);
-    if (!pages) continue;
-    for (std::string& line : missing_keys(*pages, catalogue)) lost.insert(std::move(line));
+    std::optional<SQLite::Database> pages = open_mended_pages(copy);
+    use(pages);
   }
-  return {lost.begin(), lost.end()};
 }
 
 // A sound catalogue gets what was lost earlier, or removed, and stands in backups.
@@ -229,12 +227,23 @@ void add_to_sound(const fs::path& folder, const std::vector<fs::path>& backups, 
   SQLite::Database own = open_catalogue(folder);
   if (!backups.empty()) {
     Sources sources(backups);
-    sources.require_of(folder, store_id(own));
+    // A repair that could not read which store it was has made up a new identity.
+    std::string own_id = store_id(own);
+    each_damaged(folder, [&](std::optional<SQLite::Database>& damaged) {
+      if (!damaged || store_id(*damaged).empty()) own_id.clear();
+    });
+    sources.require_of(folder, own_id);
     SQLite::Transaction whole(own, SQLite::TransactionBehavior::IMMEDIATE);
+    if (own_id.empty()) sources.identify(own);
     sources.add_to(own, report);
     whole.commit();
   }
-  report.lost = still_lost(folder, own);
+  std::set<std::string> lost;
+  each_damaged(folder, [&](std::optional<SQLite::Database>& damaged) {
+    if (!damaged) return;
+    for (std::string& line : missing_keys(*damaged, own)) lost.insert(std::move(line));
+  });
+  report.lost.assign(lost.begin(), lost.end());
 }
 
 }  // namespace
@@ -289,6 +298,7 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
       report.rows_dropped = drop_dangling(fresh);
       fresh.exec("COMMIT");
       if (damaged) report.lost = missing_keys(*damaged, fresh);
+      std::sort(report.lost.begin(), report.lost.end());
     }
     report.made_anew = true;
     const fs::path aside = numbered(path, kDamagedSuffix);

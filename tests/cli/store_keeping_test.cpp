@@ -56,6 +56,40 @@ TEST_CASE("a damaged store is named, mended from its backup, and restored from i
   CHECK_THAT(refused.err, Contains("there is a store already"));
 }
 
+TEST_CASE("a removed scan is brought back from the backup") {
+  const test::Darkroom darkroom;
+  const fs::path store = darkroom.store(), backup = darkroom / "backup";
+  REQUIRE(run_program(store, {"store", "backup", backup.string()}).status == 0);
+  REQUIRE(run_program(store, {"store", "rm", "ball", "--yes"}).status == 0);
+  const auto again = run_program(store, {"store", "backup", backup.string(), "--json"});
+  CHECK(again.status == 0);
+  CHECK_THAT(again.json()["gone"].dump(), Contains("scan 'ball' as a whole: 24 frames"));
+  const std::string kept = again.json()["kept_catalogue"];
+  REQUIRE(run_program(store, {"store", "gc", "--older-than", "0"}).status == 0);
+  const auto back = run_program(store, {"store", "repair", "--from", kept, "--json"});
+  INFO(back.err);
+  CHECK(back.status == 0);
+  CHECK(back.json()["mended"].size() >= 24);
+  CHECK(run_program(store, {"store", "ls", "--json"}).json()["scans"][0]["frames"] == 24);
+  CHECK(run_program(store, {"store", "verify"}).status == 0);
+}
+
+TEST_CASE("copies go to folders of their own, and a lost catalogue is not replaced by an empty one") {
+  const test::Darkroom darkroom;
+  const fs::path store = darkroom.store();
+  for (const std::string& folder : {std::string(), (store / "objects").string(), (store / "objects/ab").string()}) {
+    const auto refused = run_program(store, {"store", "backup", folder});
+    CHECK(refused.status == 2);
+    CHECK_THAT(refused.err, !Contains(": cannot"));
+  }
+  fs::remove(store / "store.sqlite");
+  const auto lost = run_program(store, {"store", "ls"});
+  CHECK(lost.status == 5);
+  CHECK_THAT(lost.err, Contains("store repair --store " + store.string() + " --from BACKUP"));
+  CHECK(run_program(store, {"init"}).status == 2);
+  CHECK_FALSE(fs::exists(store / "store.sqlite"));
+}
+
 TEST_CASE("gc removes what a removed scan leaves, and says what it would remove") {
   const test::Darkroom darkroom;
   const fs::path store = darkroom.store();

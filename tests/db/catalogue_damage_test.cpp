@@ -222,6 +222,41 @@ TEST_CASE_METHOD(DamagedCatalogue, "without a backup repair keeps the rows of al
   CHECK(most == before.size());  // where only an index was hit
 }
 
+TEST_CASE_METHOD(DamagedCatalogue, "what repair could not read is named until a backup has brought it back") {
+  db::Store::open(store).back_up(folder / "good");
+  const auto before = frames_of(store);
+  std::size_t losses = 0;
+  for (std::size_t page = 1; page < pages(); ++page) {
+    CAPTURE(page);
+    for (const auto& entry : fs::directory_iterator(store)) {
+      if (entry.path().filename().string().starts_with("store.sqlite.")) fs::remove(entry.path());
+    }
+    std::string bytes = sound;
+    bytes.replace(page * kPage, 64, 64, '\xa5');  // where the page says what it holds
+    test::write_text(file, bytes);
+    db::CatalogueRepair report;
+    try {
+      report = db::Store::repair_catalogue(store, {});
+    } catch (const core::StoreError& error) {  // where the tables are
+      CHECK_THAT(error.what(), Contains("nothing of the catalogue can be read"));
+      CHECK(db::Store::repair_catalogue(store, {folder / "good"}).made_anew);
+      CHECK(frames_of(store) == before);
+      continue;
+    }
+    REQUIRE(report.made_anew);
+    const bool lost_some = frames_of(store) != before;
+    losses += lost_some ? 1 : 0;
+    if (lost_some) CHECK_FALSE(report.lost.empty());
+    CHECK(db::Store::repair_catalogue(store, {}).lost == report.lost);
+    const db::CatalogueRepair again = db::Store::repair_catalogue(store, {folder / "good"});
+    CHECK(again.lost == std::vector<std::string>());
+    CHECK((again.rows_from_backups > 0) == !report.lost.empty());
+    CHECK(frames_of(store) == before);
+    CHECK(complaints(store).empty());
+  }
+  CHECK(losses > 3);
+}
+
 TEST_CASE_METHOD(DamagedCatalogue, "a catalogue that is gone or no database comes back from a backup alone") {
   fs::remove(file);
   CHECK_THAT(message_of([&] { db::Store::repair_catalogue(store, {}); }), Contains("name a backup with --from"));
