@@ -189,7 +189,6 @@ TEST_CASE_METHOD(DamagedCatalogue,
     const std::string damaged = test::read_text(file);
     const db::CatalogueRepair report = db::Store::repair_catalogue(store, {folder / "backup"});
     REQUIRE_FALSE(report.damaged_copy.empty());
-    CHECK(report.rows_from_backups > 0);
     CHECK(test::read_text(report.damaged_copy) == damaged);
     // All that the backup has, and of the pass that it lacks what can be read.
     const auto now = frames_of(store);

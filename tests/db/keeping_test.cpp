@@ -123,7 +123,7 @@ TEST_CASE_METHOD(Fixture, "a restored store has everything, and can be backed up
   CHECK(again.newest_product("mask", again.scan("head").id).has_value());
   CHECK(again.back_up(folder / "backup").copied == 0);
   CHECK_THROWS_AS(db::Store::restore(folder / "backup", folder / "again"), core::UsageError);
-  CHECK_THROWS_AS(db::Store::restore(folder / "nowhere", folder / "new"), core::StoreError);
+  CHECK_THROWS_AS(db::Store::restore(folder / "nowhere", folder / "new"), core::UsageError);
 }
 
 TEST_CASE_METHOD(Fixture, "the log of a catalogue that is gone is not taken for that of a new one") {
@@ -132,7 +132,9 @@ TEST_CASE_METHOD(Fixture, "the log of a catalogue that is gone is not taken for 
   test::write_text(folder / "again/store.sqlite-wal", "what a crash left");
   CHECK_THAT(message_of([&] { db::Store::restore(folder / "backup", folder / "again"); }),
              Contains("move it to another folder"));
-  CHECK_THAT(message_of([&] { db::Store::create(folder / "again"); }), Contains("move it to another folder"));
+  fs::create_directory(folder / "new");
+  test::write_text(folder / "new/store.sqlite-wal", "what a crash left");
+  CHECK_THAT(message_of([&] { db::Store::create(folder / "new"); }), Contains("move it to another folder"));
   CHECK_FALSE(fs::exists(folder / "again/store.sqlite"));
 }
 
