@@ -232,6 +232,7 @@ void move_away(const fs::path& path, const fs::path& damaged) {
 }  // namespace
 
 CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vector<fs::path>& backups, bool accept) {
+  require_own_folders(folder);
   std::error_code none;
   if (!fs::is_directory(folder / "objects", none)) {
     throw core::StoreError(folder.string() + ": there is no store here (no folder objects)");
