@@ -9,8 +9,10 @@
 #include "core/disk_space.h"
 #include "core/error.h"
 #include "core/file.h"
+#include "core/foreign_path.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
+#include "core/printable.h"
 #include "core/progress.h"
 #include "db/store/backup_place.h"
 #include "db/store/catalogue_rows.h"
@@ -163,7 +165,11 @@ void copy_models(const fs::path& from, const fs::path& to, BackupReport& report)
   if (!fs::exists(models)) return;
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(models)) {
     if (entry.is_symlink() || !entry.is_regular_file()) continue;  // what a link names is no part of the store
-    const fs::path target = to / fs::relative(entry.path(), from);
+    const fs::path name = fs::relative(entry.path(), from), target = to / name;
+    if (const auto objection = core::objection_to_name(to, name.native())) {
+      throw core::StoreError(to.string() + ": " + core::quoted(name.native()) + " " + *objection +
+                             "; nothing is written there");
+    }
     std::error_code none;
     if (fs::exists(target, none) && fs::file_size(target) == entry.file_size() &&
         fs::last_write_time(target) == entry.last_write_time())
@@ -209,6 +215,7 @@ class ObjectCopy {
  private:
   // A file of the same size. That its bytes are right `store verify` of the backup says, which reads them.
   bool seems_there(const ContentHash& hash) const {
+    if (!from_.exists(hash) || !to_.exists(hash)) return false;
     std::error_code ours, theirs;
     const std::uintmax_t a = fs::file_size(from_.path(hash), ours), b = fs::file_size(to_.path(hash), theirs);
     return !ours && !theirs && a == b;
@@ -223,12 +230,13 @@ class ObjectCopy {
 
 BackupReport Store::back_up(const fs::path& folder) const {
   require_apart(folder, this->folder());
-  const fs::path catalogue = impl_->database.getFilename();
+  const fs::path catalogue = file_of(impl_->database);
   if (const auto damaged = damaged_pages(catalogue); !damaged.empty()) {
     throw core::StoreError(
         this->folder().string() + ": page " + std::to_string(damaged[0]) +
         " of the catalogue does not match its checksum; nothing was copied. `lightstage store repair` says what to do");
   }
+  require_own_folders(folder);
   BackupReport report;
   explaining(folder, [&] {
     core::make_folder(folder / "objects");
@@ -238,7 +246,6 @@ BackupReport Store::back_up(const fs::path& folder) const {
       throw core::UsageError(folder.string() + ": there is another store in this folder, not a backup of " +
                              this->folder().string() + "; choose a folder of its own");
     }
-    core::require_room(folder, fs::file_size(catalogue), "the backup's catalogue");
     const Snapshot snapshot(impl_->database, folder);
     const std::vector<OwnedObject> objects = [&] {
       SQLite::Database database = snapshot.open();
@@ -277,9 +284,14 @@ BackupReport Store::restore(const fs::path& backup, const fs::path& folder) {
                            backup.string() + "`");
   }
   const BackupPlace place(backup);
+  if (!place.kept && !has_catalogue(backup)) {
+    throw core::StoreError(backup.string() +
+                           ": there is no backup here (no store.sqlite in it); name the folder that `lightstage store "
+                           "backup` was given");
+  }
   BackupCatalogue catalogue(place);  // until the copy is made
-  const Store source(
-      std::unique_ptr<Impl>(new Impl{place.folder, ObjectFiles(place.folder), std::move(catalogue).take()}));
+  const Store source(std::unique_ptr<Impl>(
+      new Impl{place.folder, ObjectFiles(place.folder), std::move(catalogue).take(), StorePlace(place.folder)}));
   require_apart(folder, place.folder);
   // Once there is a catalogue that does not know them, `store gc` would remove them.
   std::size_t unknown = 0;

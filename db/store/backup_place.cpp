@@ -1,6 +1,7 @@
 #include "db/store/backup_place.h"
 
 #include <SQLiteCpp/Statement.h>
+#include <sqlite3.h>
 
 #include "core/clock.h"
 #include "core/error.h"
@@ -8,6 +9,7 @@
 #include "db/store/catalogue.h"
 #include "db/store/lock_holders.h"
 #include "db/store/page_checks.h"
+#include "db/store/store_folder.h"
 
 namespace lightstage::db {
 
@@ -41,8 +43,12 @@ BackupPlace::BackupPlace(const fs::path& named) : folder(named) {
     folder = named.has_parent_path() ? named.parent_path() : fs::path(".");
   }
   if (!fs::is_directory(folder / "objects", none)) {
-    throw core::UsageError((named.empty() ? "''" : named.string()) + ": this is no backup (no folder objects in it)");
+    throw core::UsageError(
+        (named.empty() ? "''" : named.string()) +
+        ": there is no backup here (no folder objects in it); name the folder that `lightstage store backup` was "
+        "given");
   }
+  require_own_folders(folder);
 }
 
 BackupCatalogue::BackupCatalogue(const BackupPlace& place)
@@ -57,6 +63,10 @@ BackupCatalogue::BackupCatalogue(const BackupPlace& place)
         if (error) throw core::StoreError(place.kept->string() + ": cannot be copied: " + error.message());
         return open_catalogue(copied_->path());
       }()) {}
+
+fs::path file_of(const SQLite::Database& database) {
+  return sqlite3_db_filename(database.getHandle(), "main");
+}
 
 fs::path place_for_kept(const fs::path& folder) {
   std::string time = core::utc_timestamp();

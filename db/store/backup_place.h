@@ -38,6 +38,9 @@ class BackupCatalogue {
   SQLite::Database database_;
 };
 
+// The file of a catalogue that is open, however it was named.
+std::filesystem::path file_of(const SQLite::Database& database);
+
 // A name that is not taken, for keeping a backup's catalogue of this moment.
 std::filesystem::path place_for_kept(const std::filesystem::path& folder);
 // Objects that the catalogues kept in this folder refer to. Throws as BackupCatalogue.

@@ -64,9 +64,15 @@ RepairReport Store::repair(const std::vector<fs::path>& backups) {
       if (!sound && !files.problem(hash)) sound = files.path(hash);
     }
     if (!sound) sound = left_over(hash);
+    std::string blocked;
+    if (sound && impl_->objects.is_blocked(hash)) {
+      blocked = "; there is a sound copy, but no file can be put in its place (" + impl_->objects.path(hash).string() +
+                "): move away what stands there";
+      sound.reset();
+    }
     if (sound) impl_->objects.adopt(*sound, hash);
     for (const std::string& owner : owners.at(hash)) {
-      (sound ? report.mended : report.lost).push_back(owner + ": object " + hash.hex() + " " + *problems[i]);
+      (sound ? report.mended : report.lost).push_back(owner + ": object " + hash.hex() + " " + *problems[i] + blocked);
     }
   }
   return report;

@@ -137,7 +137,7 @@ class Sources {
   void add_to(SQLite::Database& catalogue, CatalogueRepair& report) {
     for (Source& source : sources_) {
       AddedRows added = [&] {
-        const fs::path file = source.catalogue.database().getFilename();
+        const fs::path file = file_of(source.catalogue.database());
         if (damaged_pages(file).empty()) return add_missing_rows(source.catalogue.database(), catalogue);
         std::optional<SQLite::Database> sound = open_sound_pages(file);
         return sound ? add_missing_rows(*sound, catalogue) : AddedRows();
@@ -249,6 +249,7 @@ void add_to_sound(const fs::path& folder, const std::vector<fs::path>& backups, 
 }  // namespace
 
 CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vector<fs::path>& backups, bool accept) {
+  require_own_folders(folder);
   std::error_code none;
   if (!fs::is_directory(folder / "objects", none)) {
     throw core::StoreError(folder.string() + ": there is no store here (no folder objects)");
