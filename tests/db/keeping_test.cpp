@@ -92,6 +92,17 @@ TEST_CASE_METHOD(Fixture, "models that the store keeps are backed up too") {
   CHECK(test::read_text(folder / "backup/models/a.safetensors") == "second model");
 }
 
+TEST_CASE_METHOD(Fixture, "models are not written through links that lie in a backup") {
+  fs::create_directory(folder / "store/models");
+  test::write_text(folder / "store/models/a.safetensors", "a model");
+  store.back_up(folder / "backup");
+  test::write_text(folder / "thesis.txt", "mine");
+  fs::remove(folder / "backup/models/a.safetensors");
+  fs::create_symlink(folder / "thesis.txt", folder / "backup/models/a.safetensors");
+  CHECK_THAT(message_of([&] { store.back_up(folder / "backup"); }), Contains("leads out of the folder"));
+  CHECK(test::read_text(folder / "thesis.txt") == "mine");
+}
+
 TEST_CASE_METHOD(Fixture, "a backup does not go into the store itself nor into another one") {
   CHECK_THAT(message_of([&] { store.back_up(folder / "store"); }), Contains("this is the store itself"));
   { db::Store other = db::Store::create(folder / "other"); }
