@@ -13,6 +13,7 @@
 #include "cli/jobs/mask.h"
 #include "cli/jobs/retake.h"
 #include "cli/options.h"
+#include "cli/seed_option.h"
 #include "core/error.h"
 #include "core/progress.h"
 #include "db/scan_lock.h"
@@ -263,7 +264,8 @@ void capture_scan(const Options& options, Context& context) {
 // Returns the options.
 std::vector<CLI::Option*> add_simulation_options(CLI::App& command, CaptureRequest& request) {
   std::vector<CLI::Option*> options{
-      command.add_option("--procedural", request.procedural_seed, "Subject: a procedural head, by seed"),
+      command.add_option("--procedural", request.procedural_seed, "Subject: a procedural head, by seed")
+          ->check(seed_number()),
       command.add_option("--mesh", request.mesh, "Subject: a mesh file (PLY, OBJ, glTF)"),
       command.add_option("--ball-radius", request.ball_radius_mm, "Radius of the ball, millimetres")
           ->capture_default_str()
@@ -281,7 +283,7 @@ std::vector<CLI::Option*> add_simulation_options(CLI::App& command, CaptureReque
       command.add_flag("--bounce", request.bounce, "One bounce of indirect light"),
       command.add_option("--seed", request.seed, "Seed of noise, motion and faults")
           ->capture_default_str()
-          ->check(CLI::NonNegativeNumber),
+          ->check(seed_number()),
       command.add_option("--drop", request.drop, "Lose the frame of the n-th exposure (from 0), to see it retaken")};
   for (CLI::Option* option : options) option->group("Simulated stage");
   return options;

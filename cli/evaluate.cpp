@@ -15,6 +15,7 @@
 #include "cli/jobs/scans.h"
 #include "cli/jobs/truth.h"
 #include "cli/options.h"
+#include "cli/seed_option.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/progress.h"
@@ -373,7 +374,7 @@ void add_evaluate(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 100000));
   command->add_option("--seed", options->seed, "Off grid: seed of the directions")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(seed_number());
   command->add_flag("--linear", options->linear, "Judge linear values instead of display-encoded ones");
   command->add_option("--sheet", options->sheet,
                       "Off grid: write a contact sheet of truth, methods and differences (.png)");

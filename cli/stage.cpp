@@ -4,6 +4,7 @@
 #include "capture/stage.h"
 #include "cli/commands.h"
 #include "cli/options.h"
+#include "cli/seed_option.h"
 #include "core/error.h"
 #include "core/file.h"
 #include "core/text.h"
@@ -75,7 +76,7 @@ void add_stage(CLI::App& program, Context& context) {
   command->add_option("--dead", options->simulation.dead_lights, "Simulation: lights that stay dark, by index");
   command->add_option("--seed", options->simulation.seed, "Simulation: seed of the above")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(seed_number());
   command->add_option("--out", options->out, "The stage file to write")->required();
   command->callback([options, &context] {
     capture::Stage stage = design_stage(*options);

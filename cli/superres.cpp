@@ -11,6 +11,7 @@
 #include "cli/jobs/train.h"
 #include "cli/options.h"
 #include "core/error.h"
+#include "core/foreign_path.h"
 #include "core/progress.h"
 #include "core/version.h"
 #include "db/content_hash.h"
@@ -103,7 +104,9 @@ void run_superres(const Options& options, Context& context) {
   if (existing && existing->kind != db::ScanKind::kVirtual) throw made_otherwise(options.out);
   MethodChoice choice = resolve(options.method, store, scan.id, /*adapted=*/!options.adapt_minutes);
   if (options.adapt_minutes) {
-    const std::filesystem::path adapted = adapted_models_folder(store) / (options.out + ".safetensors");
+    const std::filesystem::path models = adapted_models_folder(store);
+    const std::filesystem::path adapted = core::path_inside(models, options.out + ".safetensors",
+                                                            models.string());  // not through a link out of the store
     if (!existing) {
       adapt(store, options.name, choice, *options.adapt_minutes, adapted);
     } else if (!std::filesystem::is_regular_file(adapted)) {

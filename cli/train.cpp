@@ -11,6 +11,7 @@
 #include "cli/jobs/simulated_views.h"
 #include "cli/jobs/train.h"
 #include "cli/options.h"
+#include "cli/seed_option.h"
 #include "core/error.h"
 #include "core/text.h"
 #include "model/training.h"
@@ -204,7 +205,7 @@ void add_train(CLI::App& program, Context& context) {
       ->check(CLI::Range(1, 1 << 30));
   command->add_option("--seed", options->train.seed, "Seed of weights and draws")
       ->capture_default_str()
-      ->check(CLI::NonNegativeNumber);
+      ->check(seed_number());
   CLI::Option* hold_out =
       command
           ->add_option("--hold-out-every", options->hold_out_every,

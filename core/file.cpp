@@ -2,15 +2,14 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
 #include <random>
-#include <utility>
 
 #include "core/error.h"
+#include "core/file_descriptor.h"
 #include "core/sync_folder.h"
 
 namespace lightstage::core {
@@ -19,23 +18,9 @@ namespace fs = std::filesystem;
 
 namespace {
 
-class FileDescriptor {
- public:
-  FileDescriptor(const fs::path& path, int flags) : fd_(::open(path.c_str(), flags | O_CLOEXEC, 0666)) {}
-  ~FileDescriptor() {
-    if (fd_ >= 0) ::close(fd_);
-  }
-  FileDescriptor(const FileDescriptor&) = delete;
-  FileDescriptor& operator=(const FileDescriptor&) = delete;
-
-  bool is_open() const { return fd_ >= 0; }
-  int get() const { return fd_; }
-  // False when the system reports at closing that a write before has failed.
-  bool close() { return ::close(std::exchange(fd_, -1)) == 0; }
-
- private:
-  int fd_;
-};
+FileDescriptor open_file(const fs::path& path, int flags) {
+  return FileDescriptor(::open(path.c_str(), flags | O_CLOEXEC, 0666));
+}
 
 BadInput system_failure(const std::string& action, const fs::path& path) {
   return BadInput(action + " " + path.string() + ": " + std::strerror(errno));
@@ -70,7 +55,7 @@ fs::path target_of(const fs::path& path) {
 
 std::string read_text_file(const fs::path& path, std::size_t max_bytes) {
   // Not blocking, so that a pipe is refused below instead of waited for.
-  const FileDescriptor file(path, O_RDONLY | O_NONBLOCK);
+  const FileDescriptor file = open_file(path, O_RDONLY | O_NONBLOCK);
   struct stat status {};
   if (!file.is_open() || fstat(file.get(), &status) != 0) throw system_failure("cannot read", path);
   if (!S_ISREG(status.st_mode)) throw BadInput("cannot read " + path.string() + ": not a regular file");
@@ -97,7 +82,7 @@ std::string read_text_file(const fs::path& path, std::size_t max_bytes) {
 
 void write_file_atomically(const fs::path& path, std::string_view bytes) {
   replace_file_atomically(path, [&](const fs::path& temporary) {
-    FileDescriptor file(temporary, O_WRONLY | O_CREAT | O_EXCL);
+    FileDescriptor file = open_file(temporary, O_WRONLY | O_CREAT | O_EXCL);
     if (!file.is_open()) throw system_failure("cannot write", path);
     while (!bytes.empty()) {
       const ssize_t n = ::write(file.get(), bytes.data(), bytes.size());
@@ -111,7 +96,7 @@ void write_file_atomically(const fs::path& path, std::string_view bytes) {
 
 void move_file_durably(const fs::path& temporary, const fs::path& path) {
   {
-    FileDescriptor file(temporary, O_RDONLY);
+    FileDescriptor file = open_file(temporary, O_RDONLY);
     if (!file.is_open() || fsync(file.get()) != 0 || !file.close()) throw system_failure("cannot write", path);
   }
   const fs::path target = target_of(path);

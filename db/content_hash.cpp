@@ -1,12 +1,18 @@
 #include "db/content_hash.h"
 
-#include <fstream>
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
 #include <memory>
 #include <vector>
 
 #include <xxhash.h>
 
 #include "core/error.h"
+#include "core/file_descriptor.h"
 #include "core/printable.h"
 
 namespace lightstage::db {
@@ -58,22 +64,23 @@ ContentHash hash_bytes(std::span<const std::uint8_t> bytes) {
 }
 
 ContentHash hash_file(const std::filesystem::path& path) {
-  std::error_code error;
-  // A folder opens as a stream too, and reads as if it were empty.
-  if (!std::filesystem::is_regular_file(path, error)) {
+  // Not blocking, so that a pipe is refused and not waited for.
+  const core::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC));
+  struct stat status {};
+  if (!file.is_open() || ::fstat(file.get(), &status) != 0 || !S_ISREG(status.st_mode)) {
     throw core::StoreError(path.string() + ": cannot be read: not there or not a file");
   }
-  std::ifstream file(path, std::ios::binary);
   const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(), &XXH3_freeState);
   if (state == nullptr) throw std::bad_alloc();
   XXH3_128bits_reset(state.get());
-  std::vector<char> block(std::size_t(1) << 20);
-  while (file) {
-    file.read(block.data(), std::streamsize(block.size()));
-    XXH3_128bits_update(state.get(), block.data(), std::size_t(file.gcount()));
+  std::vector<unsigned char> block(std::size_t(1) << 20);
+  for (;;) {
+    const ssize_t count = ::read(file.get(), block.data(), block.size());
+    if (count < 0 && errno == EINTR) continue;
+    if (count < 0) throw core::StoreError(path.string() + ": cannot be read: " + std::strerror(errno));
+    if (count == 0) return canonical(XXH3_128bits_digest(state.get()));
+    XXH3_128bits_update(state.get(), block.data(), std::size_t(count));
   }
-  if (!file.eof()) throw core::StoreError(path.string() + ": cannot be read");
-  return canonical(XXH3_128bits_digest(state.get()));
 }
 
 }  // namespace lightstage::db

@@ -5,6 +5,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -13,6 +14,7 @@
 #include "core/error.h"
 #include "core/text.h"
 #include "db/content_hash.h"
+#include "db/store/store_folder.h"
 
 namespace lightstage::db {
 
@@ -28,60 +30,80 @@ std::string file_name(std::string_view scan) {
   return hash_bytes({reinterpret_cast<const unsigned char*>(scan.data()), scan.size()}).hex();
 }
 
-bool names(const fs::path& path, int fd) {
-  struct stat named {
-  }, held{};
-  return ::stat(path.c_str(), &named) == 0 && ::fstat(fd, &held) == 0 && named.st_dev == held.st_dev &&
-         named.st_ino == held.st_ino;
+constexpr std::size_t kLongestText = 200;
+constexpr std::string_view kWords = " is being ";  // behind the process's number
+
+// What the file says, at most a letter more than a lock's would.
+std::string text_of(int fd) {
+  std::array<char, kLongestText + 1> text{};
+  const ssize_t length = ::pread(fd, text.data(), text.size(), 0);
+  return {text.data(), std::size_t(std::max<ssize_t>(0, length))};
 }
 
 // "1234 is being captured" in the file.
 std::string who_holds(int fd) {
-  std::array<char, 200> text{};
-  const ssize_t length = ::pread(fd, text.data(), text.size(), 0);
-  const std::string_view line(text.data(), std::size_t(std::max<ssize_t>(0, length)));
+  const std::string line = text_of(fd);
   const std::size_t space = line.find(' ');
   const std::optional<std::int64_t> process = core::parse_integer(line.substr(0, space));
   // It may not have written it yet.
-  if (!process || space == std::string_view::npos) return "is being worked on by another process";
-  return std::string(line.substr(space + 1)) + " by process " + std::to_string(*process);
+  if (!process || space == std::string::npos) return "is being worked on by another process";
+  return line.substr(space + 1) + " by process " + std::to_string(*process);
+}
+
+// Whether the file is a lock, held before by somebody whose words may have been lost in part when the power failed: a number and words, nothing, or
+// zeros. Anything else is somebody's own, and stays as it is.
+bool is_lock(int fd, const struct stat& held) {
+  if (!S_ISREG(held.st_mode) || held.st_nlink > 1 || held.st_size > off_t(kLongestText)) return false;
+  const std::string text = text_of(fd);
+  const std::size_t space = std::min(text.find(' '), text.size());
+  const std::string begun = text.substr(space, kWords.size());
+  const bool tells = core::parse_integer(text.substr(0, space)).value_or(0) > 0 && kWords.starts_with(begun);
+  return tells || std::all_of(text.begin(), text.end(), [](char letter) { return letter == '\0'; });
 }
 
 }  // namespace
 
 ScanLock::ScanLock(const fs::path& store_folder, std::string_view scan, std::string_view work)
-    : path_(store_folder / "locks" / file_name(scan)) {
-  const auto fail = [&](const std::string& problem) {
+    : name_(file_name(scan)), folder_(-1), file_(-1) {
+  require_own_folders(store_folder);
+  const fs::path locks = store_folder / "locks";
+  const auto failure = [&](const std::string& problem) {
     const int error = errno;
-    if (fd_ >= 0) ::close(fd_);
-    throw core::StoreError(store_folder.string() + ": " + problem + ": " + std::strerror(error));
+    return core::StoreError(store_folder.string() + ": " + problem + ": " + std::strerror(error));
   };
-  if (::mkdir(path_.parent_path().c_str(), 0777) != 0 && errno != EEXIST) fail("cannot make a folder for locks");
-  while (true) {
-    fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0666);
-    if (fd_ < 0) fail("cannot lock scan '" + std::string(scan) + "'");
+  if (::mkdir(locks.c_str(), 0777) != 0 && errno != EEXIST) throw failure("cannot make a folder for locks");
+  // All goes by this descriptor, whatever the folder's name comes to mean.
+  folder_ = core::FileDescriptor(::open(locks.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+  if (!folder_.is_open()) throw failure("the folder locks cannot be opened");
+  struct stat held {
+  }, named{};
+  do {
+    file_ = core::FileDescriptor(
+        ::openat(folder_.get(), name_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0666));
+    if (!file_.is_open()) throw failure("cannot lock scan '" + std::string(scan) + "'");
     int result = 0;
     do {
-      result = ::flock(fd_, LOCK_EX | LOCK_NB);
+      result = ::flock(file_.get(), LOCK_EX | LOCK_NB);
     } while (result != 0 && errno == EINTR);
     if (result != 0 && errno == EWOULDBLOCK) {
-      const std::string holder = who_holds(fd_);
-      ::close(fd_);
-      throw core::StoreError(store_folder.string() + ": scan '" + std::string(scan) + "' " + holder +
+      throw core::StoreError(store_folder.string() + ": scan '" + std::string(scan) + "' " + who_holds(file_.get()) +
                              "; wait until that ends, or end it");
     }
+    if (::fstat(file_.get(), &held) != 0) throw failure("cannot lock scan '" + std::string(scan) + "'");
     // The holder before removed the file at its end, perhaps just before this one had its lock: then it locks nothing.
-    if (names(path_, fd_)) break;
-    ::close(fd_);
+  } while (::fstatat(folder_.get(), name_.c_str(), &named, AT_SYMLINK_NOFOLLOW) != 0 || named.st_dev != held.st_dev ||
+           named.st_ino != held.st_ino);
+  if (!is_lock(file_.get(), held)) {
+    throw core::StoreError((locks / name_).string() +
+                           ": is no lock of a scan, and stands where one belongs; move it away (it was not touched)");
   }
   const std::string text = std::to_string(::getpid()) + " " + std::string(work);
   // Only to tell others: on a full disk it is a lock without that.
-  if (::ftruncate(fd_, 0) != 0 || ::pwrite(fd_, text.data(), text.size(), 0) < 0) return;
+  if (::ftruncate(file_.get(), 0) != 0 || ::pwrite(file_.get(), text.data(), text.size(), 0) < 0) return;
 }
 
 ScanLock::~ScanLock() {
-  ::unlink(path_.c_str());
-  ::close(fd_);
+  ::unlinkat(folder_.get(), name_.c_str(), 0);
 }
 
 }  // namespace lightstage::db

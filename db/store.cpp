@@ -21,17 +21,20 @@ Store& Store::operator=(Store&&) noexcept = default;
 Store::~Store() = default;
 
 Store Store::create(const fs::path& folder) {
+  require_own_folders(folder);
   std::error_code error;
   fs::create_directories(folder / "objects", error);
   if (error) throw core::StoreError(folder.string() + ": cannot be made: " + error.message());
-  Store store(std::unique_ptr<Impl>(new Impl{folder, ObjectFiles(folder), create_catalogue(folder)}));
+  Store store(
+      std::unique_ptr<Impl>(new Impl{folder, ObjectFiles(folder), create_catalogue(folder), StorePlace(folder)}));
   sync_folder(folder);
   sync_folder(fs::absolute(folder).lexically_normal().parent_path());
   return store;
 }
 
 Store Store::open(const fs::path& folder) {
-  return Store(std::unique_ptr<Impl>(new Impl{folder, ObjectFiles(folder), open_catalogue(folder)}));
+  return Store(
+      std::unique_ptr<Impl>(new Impl{folder, ObjectFiles(folder), open_catalogue(folder), StorePlace(folder)}));
 }
 
 const fs::path& Store::folder() const {

@@ -8,6 +8,7 @@
 #include "cli/bench/align_bench.h"
 #include "cli/format.h"
 #include "cli/report/plot.h"
+#include "cli/seed_option.h"
 #include "core/file.h"
 #include "core/image_file.h"
 
@@ -236,7 +237,9 @@ void add_bench_align(CLI::App& bench, Context& context) {
   command->add_option("--motion", options->pass.motion_px, "Pixels that the subject moves")
       ->capture_default_str()
       ->check(CLI::Range(0.5, 40.0));
-  command->add_option("--seed", options->pass.seed, "Seed of head, motion and noise")->capture_default_str();
+  command->add_option("--seed", options->pass.seed, "Seed of head, motion and noise")
+      ->capture_default_str()
+      ->check(seed_number());
   command->add_option("--heads", options->heads, "Heads among whose tracking frames blinks are looked for")
       ->capture_default_str()
       ->check(CLI::Range(1, 1000));

@@ -9,6 +9,8 @@
 #include <immintrin.h>
 #endif
 
+#include "core/processor.h"
+
 namespace lightstage::core::image_io {
 
 namespace {
@@ -35,7 +37,7 @@ __attribute__((target("avx,f16c"))) std::size_t convert_eights(std::span<const f
 }
 
 bool has_instructions() {
-  static const bool has = __builtin_cpu_supports("avx") && __builtin_cpu_supports("f16c");
+  static const bool has = __builtin_cpu_supports("avx") && processor_has_f16c();
   return has;
 }
 #endif

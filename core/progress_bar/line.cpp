@@ -72,7 +72,7 @@ std::string plain_line(const Reading& r) {
 std::string end_line(const Reading& r, bool finished) {
   char seconds[32];
   std::snprintf(seconds, sizeof seconds, "%.1f s", r.elapsed_seconds);
-  std::string line = std::string(r.label) + ": " + counts_text(r) + (finished ? " in " : ", given up after ") + seconds;
+  std::string line = std::string(r.label) + ": " + counts_text(r) + (finished ? " in " : ", stopped after ") + seconds;
   if (!r.status.empty()) line.append(", ").append(r.status);
   return line;
 }

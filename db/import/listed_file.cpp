@@ -28,7 +28,9 @@ fs::path find_listed_file(const fs::path& folder, std::string listed, const std:
   if (!core::objection_to_name(folder, beside.native()) && is_there(folder / beside)) return folder / beside;
   if (objection)
     throw core::BadInput(place + ": " + core::quoted(listed) + " " + *objection + "; put the picture beside the list");
-  throw core::BadInput(place + ": the picture " + core::quoted(listed) + " is not there");
+  std::error_code none;
+  throw core::BadInput(place + ": the picture " + core::quoted(listed) +
+                       (fs::exists(folder / path, none) ? " is not a file" : " is not there"));
 }
 
 std::optional<fs::path> mask_beside(const fs::path& folder) {

@@ -9,8 +9,10 @@
 #include "core/disk_space.h"
 #include "core/error.h"
 #include "core/file.h"
+#include "core/foreign_path.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
+#include "core/printable.h"
 #include "core/progress.h"
 #include "db/store/impl.h"
 #include "db/store/page_checks.h"
@@ -95,7 +97,11 @@ void copy_models(const fs::path& from, const fs::path& to, BackupReport& report)
   if (!fs::exists(models)) return;
   for (const fs::directory_entry& entry : fs::recursive_directory_iterator(models)) {
     if (entry.is_symlink() || !entry.is_regular_file()) continue;  // what a link names is no part of the store
-    const fs::path target = to / fs::relative(entry.path(), from);
+    const fs::path name = fs::relative(entry.path(), from), target = to / name;
+    if (const auto objection = core::objection_to_name(to, name.native())) {
+      throw core::StoreError(to.string() + ": " + core::quoted(name.native()) + " " + *objection +
+                             "; nothing is written there");
+    }
     std::error_code none;
     if (fs::exists(target, none) && fs::file_size(target) == entry.file_size() &&
         fs::last_write_time(target) == entry.last_write_time())
@@ -131,6 +137,7 @@ BackupReport Store::back_up(const fs::path& folder) const {
         this->folder().string() + ": page " + std::to_string(damaged[0]) +
         " of the catalogue does not match its checksum; nothing was copied. `lightstage store repair` says what to do");
   }
+  require_own_folders(folder);
   BackupReport report;
   explaining(folder, [&] {
     core::make_folder(folder / "objects");
@@ -185,6 +192,12 @@ BackupReport Store::restore(const fs::path& backup, const fs::path& folder) {
                            ": there is a store already; restore into a new folder, or mend this one with `lightstage "
                            "store repair --from " +
                            backup.string() + "`");
+  }
+  require_own_folders(backup);
+  if (!fs::exists(catalogue_path(backup), none)) {
+    throw core::StoreError(backup.string() +
+                           ": there is no backup here (no store.sqlite in it); name the folder that `lightstage store "
+                           "backup` was given");
   }
   const Store source = open(backup);
   return source.back_up(folder);

@@ -1,6 +1,9 @@
 #include "db/store/catalogue.h"
 
+#include <sys/statvfs.h>
+
 #include <array>
+#include <cctype>
 #include <cstdint>
 #include <cstring>
 #include <fstream>
@@ -19,6 +22,7 @@
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
 #include "db/store/page_checks.h"
+#include "db/store/store_folder.h"
 #include "db/store/write_ahead_log.h"
 
 namespace lightstage::db {
@@ -26,6 +30,11 @@ namespace lightstage::db {
 namespace fs = std::filesystem;
 
 namespace {
+
+bool is_mounted_read_only(const fs::path& folder) {
+  struct statvfs status {};
+  return ::statvfs(folder.empty() ? "." : folder.c_str(), &status) == 0 && (status.f_flag & ST_RDONLY) != 0;
+}
 
 struct Identity {
   int application_id = 0;
@@ -83,12 +92,68 @@ void configure(SQLite::Database& database, const fs::path& store_folder) {
   database.exec("PRAGMA trusted_schema = OFF");
   database.exec("PRAGMA cell_size_check = ON");
   database.exec("PRAGMA foreign_keys = ON");
+  if (is_mounted_read_only(store_folder)) return;  // what follows is about writing
   database.exec("PRAGMA synchronous = FULL");
   if (database.execAndGet("PRAGMA journal_mode = WAL").getString() != "wal") {
     throw core::StoreError(store_folder.string() +
                            ": the file system cannot hold a write-ahead log; keep the store on a local disk");
   }
   bound_log(database);
+}
+
+// For SQLite's names of files with parameters (https://www.sqlite.org/uri.html, section 3.1).
+std::string percent_encoded(const std::string& text) {
+  constexpr std::string_view kDigits = "0123456789ABCDEF";
+  std::string encoded;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    const bool plain = std::isalnum(byte) != 0 || c == '/' || c == '.' || c == '-' || c == '_';
+    encoded += plain ? std::string(1, c) : std::string{'%', kDigits[byte >> 4], kDigits[byte & 15]};
+  }
+  return encoded;
+}
+
+// On a file system that takes no writes SQLite can neither make nor lock the index of the log. It needs none where there is no log (and nobody writes),
+// and reads a log whose index its last user left beside it.
+SQLite::Database open_for_reading(const fs::path& path) {
+  const fs::path log = path.string() + "-wal", index = path.string() + "-shm";
+  std::error_code none;
+  if (fs::exists(log, none) && fs::exists(index, none)) {
+    return open_checked(path, SQLite::OPEN_READONLY, kBusyTimeoutMs);
+  }
+  if (fs::exists(log, none) && !fs::is_empty(log, none)) {
+    throw core::StoreError(log.string() +
+                           ": this log holds what was written last, and cannot be read while the file system is "
+                           "mounted read-only; mount it for writing once and list the store (`lightstage store ls`), "
+                           "or copy the folder to another disk and read it there");
+  }
+  const std::string name = "file:" + percent_encoded(fs::absolute(path).string()) + "?immutable=1";
+  return open_checked(name, SQLite::OPEN_READONLY | SQLite::OPEN_URI);
+}
+
+bool lacks_room_for_index(const SQLite::Exception& error) {
+  return error.getExtendedErrorCode() == SQLITE_IOERR_SHMSIZE || error.getExtendedErrorCode() == SQLITE_IOERR_SHMMAP;
+}
+
+SQLite::Database connect(const fs::path& path) {
+  if (is_mounted_read_only(path.parent_path())) return open_for_reading(path);
+  const auto look = [](SQLite::Database& database) { database.execAndGet("PRAGMA user_version"); };
+  try {
+    SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    look(database);
+    return database;
+  } catch (const SQLite::Exception& error) {
+    if (!lacks_room_for_index(error)) throw;
+    // The disk is full: who has the store alone can keep the index in memory.
+    try {
+      SQLite::Database alone = open_checked(path, SQLite::OPEN_READWRITE);
+      alone.exec("PRAGMA locking_mode = EXCLUSIVE");
+      look(alone);
+      return alone;
+    } catch (const SQLite::Exception&) {  // somebody else reads
+    }
+    throw;
+  }
 }
 
 }  // namespace
@@ -124,6 +189,7 @@ SQLite::Database create_catalogue(const fs::path& store_folder) {
 }
 
 SQLite::Database open_catalogue(const fs::path& store_folder) {
+  require_own_folders(store_folder);
   const fs::path path = catalogue_path(store_folder);
   std::error_code none;
   if (!fs::exists(path, none)) {
@@ -142,13 +208,19 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
     }
     refuse_newer(store_folder, identity->version);
     refuse_damaged_log(store_folder);
-    SQLite::Database database = open_checked(path, SQLite::OPEN_READWRITE, kBusyTimeoutMs);
+    SQLite::Database database = connect(path);
     // Once more: another program may have migrated it since the look.
     const int version = database.execAndGet("PRAGMA user_version").getInt();
     refuse_newer(store_folder, version);
     distrust(database);
     require_own_schema(database, store_folder);
     configure(database, store_folder);
+    if (version < schema_version() && is_mounted_read_only(store_folder)) {
+      throw core::StoreError(store_folder.string() + ": this store has the older schema version " +
+                             std::to_string(version) +
+                             ", which cannot be brought up to date while its file system is mounted read-only; mount "
+                             "it for writing once, or copy the folder to another disk");
+    }
     if (version < schema_version()) {
       if (!has_page_checks(database)) renew_page_checks(database);
       migrate(database);
@@ -188,14 +260,19 @@ core::StoreError explained(const SQLite::Exception& error, const fs::path& store
     case SQLITE_READONLY:
     case SQLITE_CANTOPEN:
     case SQLITE_PERM:
-      text += "the store cannot be opened for writing; check who owns the folder and its permissions";
+      text += is_mounted_read_only(store_folder)
+                  ? "its file system is mounted read-only: what is here can be read, and nothing be changed"
+                  : "the store cannot be opened for writing; check who owns the folder and its permissions";
       break;
     case SQLITE_CORRUPT:
     case SQLITE_NOTADB:
       text += "the catalogue store.sqlite is damaged; `lightstage store verify` says more";
       break;
     default:
-      text += "database error";
+      text += lacks_room_for_index(error)
+                  ? "the disk is full, and while others use the store even reading takes some room; remove something "
+                    "else from that disk"
+                  : "database error";
   }
   return core::StoreError(text + " (" + error.what() + ")");
 }

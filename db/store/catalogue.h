@@ -15,7 +15,8 @@ std::filesystem::path catalogue_path(const std::filesystem::path& store_folder);
 // A new, empty catalogue. Throws UsageError when there is one already.
 SQLite::Database create_catalogue(const std::filesystem::path& store_folder);
 // An existing one, migrated. Throws StoreError when it is missing, no store, or newer than this program; a
-// newer one is not touched: no byte of it, of its journal or of its folder changes.
+// newer one is not touched: no byte of it, of its journal or of its folder changes. On a file system that is mounted read-only it is opened for reading
+// alone. On a full one, where SQLite has no room for a file that connections share, this one keeps all others away.
 SQLite::Database open_catalogue(const std::filesystem::path& store_folder);
 
 // Moves a catalogue that was made elsewhere on the same file system to its place, durably. Throws StoreError when the log of an earlier one lies there,

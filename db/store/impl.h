@@ -15,6 +15,7 @@
 #include "db/store.h"
 #include "db/store/catalogue.h"
 #include "db/store/object_files.h"
+#include "db/store/store_folder.h"
 
 namespace lightstage::db {
 
@@ -58,6 +59,7 @@ struct Store::Impl {
   std::filesystem::path folder;
   ObjectFiles objects;
   SQLite::Database database;
+  StorePlace store_place;
   bool in_transaction = false;
 
   template <class... Values>
@@ -99,8 +101,14 @@ struct Store::Impl {
       }
       SQLite::Transaction transaction(database, SQLite::TransactionBehavior::IMMEDIATE);
       const Flag flag(in_transaction);
+      store_place.require_unmoved();
       return finish(
-          transaction, [&] { transaction.commit(); }, work);
+          transaction,
+          [&] {
+            store_place.require_unmoved();
+            transaction.commit();
+          },
+          work);
     });
   }
 

@@ -1,6 +1,10 @@
 #include "db/store/object_files.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 
 #include "core/error.h"
 #include "core/file.h"
@@ -14,6 +18,28 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr const char* kExtension = ".exr";
+
+std::string kind_of(const struct stat& status) {
+  if (S_ISLNK(status.st_mode)) return "a symbolic link";
+  if (S_ISDIR(status.st_mode)) return "a folder";
+  if (S_ISREG(status.st_mode)) return "a file";
+  if (S_ISFIFO(status.st_mode)) return "a pipe";
+  if (S_ISSOCK(status.st_mode)) return "a socket";
+  return "a device";
+}
+
+// What is wrong with the folder of some objects; nothing where there is none.
+std::optional<std::string> objection_to_folder(const fs::path& folder) {
+  struct stat status {};
+  if (::lstat(folder.c_str(), &status) != 0 || S_ISDIR(status.st_mode)) return std::nullopt;
+  return "is " + kind_of(status) + "; objects lie in the store's own folders";
+}
+
+// Two digits: objects of such names go into a folder that is called so.
+bool is_for_objects(const std::string& name) {
+  constexpr std::string_view kDigits = "0123456789abcdef";
+  return name.size() == 2 && kDigits.find(name[0]) != kDigits.npos && kDigits.find(name[1]) != kDigits.npos;
+}
 
 }  // namespace
 
@@ -44,14 +70,19 @@ auto ObjectFiles::placing(const Work& work) const {
 
 // Where the object goes, its folder made.
 fs::path ObjectFiles::place_for(const ContentHash& hash) const {
-  const fs::path target = path(hash);
-  // Links that came with a stranger's store would be written through.
-  if (fs::is_symlink(target.parent_path())) {
-    throw core::StoreError(target.parent_path().string() +
-                           ": is a symbolic link; objects lie in the store's own folders");
+  const fs::path target = path(hash), parent = target.parent_path();
+  // That folder alone: where `objects` is gone the store was moved, and making it again would cut the store in two.
+  if (::mkdir(parent.c_str(), 0777) != 0 && errno != EEXIST) {
+    if (errno == ENOENT) {
+      throw core::StoreError(folder().string() +
+                             ": this folder is gone: the store was moved or removed while it was in use. Name its new "
+                             "folder with --store and go on there");
+    }
+    throw core::StoreError(parent.string() + ": cannot be made: " + std::strerror(errno));
   }
+  // Links that came with a stranger's store would be written through.
+  if (const auto objection = objection_to_folder(parent)) throw core::StoreError(parent.string() + ": " + *objection);
   if (fs::is_symlink(target)) fs::remove(target);
-  fs::create_directories(target.parent_path());
   return target;
 }
 
@@ -103,19 +134,36 @@ std::uintmax_t ObjectFiles::adopt(const fs::path& file, const ContentHash& hash)
 }
 
 bool ObjectFiles::exists(const ContentHash& hash) const {
-  std::error_code error;
-  return fs::exists(path(hash), error);
+  const fs::path file = path(hash);
+  struct stat status {};
+  return !objection_to_folder(file.parent_path()) && ::lstat(file.c_str(), &status) == 0 && S_ISREG(status.st_mode);
 }
 
 std::optional<std::string> ObjectFiles::problem(const ContentHash& hash) const {
   const fs::path file = path(hash);
-  if (!exists(hash)) return "is missing";
+  const std::string damaged = "is damaged: ";
+  if (const auto objection = objection_to_folder(file.parent_path())) {
+    return damaged + file.parent_path().string() + ": " + *objection;
+  }
+  struct stat status {};
+  if (::lstat(file.c_str(), &status) != 0) {
+    return errno == ENOENT ? "is missing" : damaged + file.string() + ": " + std::strerror(errno);
+  }
+  // Looked at before it is opened: opening a device may do something, and what a link names may have no end.
+  if (!S_ISREG(status.st_mode)) return damaged + kind_of(status) + " stands in its place (" + file.string() + ")";
   try {
-    if (hash_file(file) != hash) return "is damaged: its bytes do not match its name";
+    if (hash_file(file) != hash) return damaged + "its bytes do not match its name";
   } catch (const core::StoreError& unreadable) {
-    return std::string("is damaged: ") + unreadable.what();
+    return damaged + unreadable.what();
   }
   return std::nullopt;
+}
+
+bool ObjectFiles::is_blocked(const ContentHash& hash) const {
+  const fs::path file = path(hash);
+  if (objection_to_folder(file.parent_path())) return true;
+  struct stat status {};
+  return ::lstat(file.c_str(), &status) == 0 && !S_ISREG(status.st_mode) && !S_ISLNK(status.st_mode);
 }
 
 core::Image ObjectFiles::read(const ContentHash& hash) const {
@@ -132,6 +180,9 @@ core::Image ObjectFiles::read(const ContentHash& hash) const {
 }
 
 core::ImageSize ObjectFiles::read_size(const ContentHash& hash) const {
+  if (!exists(hash)) {
+    throw core::StoreError(store_folder_.string() + ": object " + hash.hex() + " is missing, or its file is none");
+  }
   try {
     return core::read_image_size(path(hash));
   } catch (const core::BadInput& error) {
@@ -142,16 +193,22 @@ core::ImageSize ObjectFiles::read_size(const ContentHash& hash) const {
 ObjectFiles::Listing ObjectFiles::list() const {
   Listing listing;
   const auto note = [&](const fs::directory_entry& entry) {
-    std::error_code vanished;  // a file that is being written may be renamed at any moment
-    if (!entry.is_regular_file(vanished)) return;
     const fs::path& file = entry.path();
+    struct stat status {};
+    // What is being written may be renamed at any moment.
+    if (::lstat(file.c_str(), &status) != 0) return;
+    const bool top = file.parent_path() == folder();
     std::optional<ContentHash> hash;
     try {
       hash = ContentHash::from_hex(file.stem().string());
     } catch (const core::StoreError&) {
     }
-    if (hash && path(*hash) == file) {
+    const bool object = hash && path(*hash) == file;
+    if (S_ISDIR(status.st_mode) && !object) return;
+    if (object && S_ISREG(status.st_mode)) {
       listing.objects.push_back(*hash);
+    } else if (object || !S_ISREG(status.st_mode) || (top && is_for_objects(file.filename().string()))) {
+      listing.obstacles.push_back({file, "is " + kind_of(status), object ? hash : std::nullopt});
     } else {
       listing.strangers.push_back(file);
     }
@@ -164,6 +221,8 @@ ObjectFiles::Listing ObjectFiles::list() const {
   }
   std::sort(listing.objects.begin(), listing.objects.end());
   std::sort(listing.strangers.begin(), listing.strangers.end());
+  std::sort(listing.obstacles.begin(), listing.obstacles.end(),
+            [](const Obstacle& a, const Obstacle& b) { return a.place < b.place; });
   return listing;
 }
 

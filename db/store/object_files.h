@@ -31,6 +31,7 @@ class ObjectFiles {
   // or has more than 4 channels, StoreError when the disk fails.
   ContentHash write(core::ImageView image) const;
 
+  // As a file in a folder, not as a link to one.
   bool exists(const ContentHash& hash) const;
   // Throws StoreError when the object is missing or damaged.
   core::Image read(const ContentHash& hash) const;
@@ -44,12 +45,21 @@ class ObjectFiles {
   std::filesystem::path folder() const { return store_folder_ / "objects"; }
   std::filesystem::path path(const ContentHash& hash) const;
 
-  // "is missing", "is damaged: ...", or nothing for an object whose bytes match its name.
+  // "is missing", "is damaged: ...", or nothing for an object whose bytes match its name. Links, pipes and the like are damage; they are not opened.
   std::optional<std::string> problem(const ContentHash& hash) const;
+  // Whether no file can be put in its place, because a folder, pipe, socket or device stands there, or a link or file in the place of its folder.
+  bool is_blocked(const ContentHash& hash) const;
 
+  struct Obstacle {
+    std::filesystem::path place;
+    std::string what;                   // "is a pipe"
+    std::optional<ContentHash> object;  // in whose place it stands
+  };
   struct Listing {
     std::vector<ContentHash> objects;              // in order of name
     std::vector<std::filesystem::path> strangers;  // files that are no objects: interrupted writes and the like
+    // What no write leaves: links, pipes and the like, and whatever stands in the place of an object or of a folder for them.
+    std::vector<Obstacle> obstacles;
   };
   Listing list() const;
 

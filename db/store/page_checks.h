@@ -21,9 +21,11 @@ namespace lightstage::db {
 // Opens with the layer in between; flags and errors are SQLite's. A new file will have checksums.
 SQLite::Database open_checked(const std::filesystem::path& path, int flags, int busy_timeout_ms = 0);
 
-// The database for reading the rows on sound pages alone: any other fails with SQLITE_IOERR_DATA. Nothing where not even the schema can be read. Of
-// the schema we know what it must be, so its page may be damaged elsewhere.
+// The database for reading the rows on sound pages alone; any other fails with SQLITE_IOERR_DATA. Nothing where not even the schema can be read. Of the first
+// page we know what most of it must be, so it may be damaged.
 std::optional<SQLite::Database> open_sound_pages(const std::filesystem::path& path);
+// The same, but pages that one flipped bit has damaged are put right as they are read (page_sum.h).
+std::optional<SQLite::Database> open_mended_pages(const std::filesystem::path& path);
 
 bool has_page_checks(const SQLite::Database& database);
 // Gives every page a checksum of what it is now. Fails as VACUUM does: then nothing has changed.
@@ -33,5 +35,8 @@ void renew_page_checks(SQLite::Database& database);
 // is the first. Reads the
 // file itself, at the disk's speed; a page that is being written meanwhile is looked at again.
 std::vector<std::size_t> damaged_pages(const std::filesystem::path& catalogue);
+
+// Whether one flipped bit is all that is wrong with each of these pages: then they were damaged, and not written by another program. Some 10 ms a page.
+bool one_bit_flipped(const std::filesystem::path& catalogue, const std::vector<std::size_t>& pages);
 
 }  // namespace lightstage::db

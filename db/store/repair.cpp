@@ -16,6 +16,7 @@ namespace fs = std::filesystem;
 RepairReport Store::repair(const std::vector<fs::path>& backups) {
   require_writable();
   for (const fs::path& backup : backups) {
+    require_own_folders(backup);
     std::error_code error;
     if (!fs::is_directory(backup / "objects", error)) {
       throw core::UsageError(backup.string() + ": this is no backup (no folder objects in it)");
@@ -68,9 +69,15 @@ RepairReport Store::repair(const std::vector<fs::path>& backups) {
       if (!sound && !files.problem(hash)) sound = files.path(hash);
     }
     if (!sound) sound = left_over(hash);
+    std::string blocked;
+    if (sound && impl_->objects.is_blocked(hash)) {
+      blocked = "; there is a sound copy, but no file can be put in its place (" + impl_->objects.path(hash).string() +
+                "): move away what stands there";
+      sound.reset();
+    }
     if (sound) impl_->objects.adopt(*sound, hash);
     for (const std::string& owner : owners.at(hash)) {
-      (sound ? report.mended : report.lost).push_back(owner + ": object " + hash.hex() + " " + *problems[i]);
+      (sound ? report.mended : report.lost).push_back(owner + ": object " + hash.hex() + " " + *problems[i] + blocked);
     }
   }
   return report;

@@ -46,10 +46,12 @@ Condition condition_of(const fs::path& store_folder) {
   const fs::path path = catalogue_path(store_folder);
   std::error_code none;
   if (!fs::exists(path, none)) return Condition::kDamaged;
+  const std::vector<std::size_t> damaged = damaged_pages(path);
+  if (!damaged.empty() && one_bit_flipped(path, damaged)) return Condition::kDamaged;
   try {
     SQLite::Database database = open_catalogue(store_folder);
     if (!is_sound(database)) return Condition::kDamaged;
-    return damaged_pages(path).empty() ? Condition::kSound : Condition::kWritten;
+    return damaged.empty() ? Condition::kSound : Condition::kWritten;
   } catch (const core::StoreError&) {
     throw_if_newer(store_folder);
     return Condition::kDamaged;
@@ -195,7 +197,7 @@ std::optional<std::string> store_id(SQLite::Database& database) {
 
 // The sound pages of the catalogue, and nobody else at it.
 std::optional<SQLite::Database> open_alone(const fs::path& path, const fs::path& store_folder) {
-  std::optional<SQLite::Database> database = open_sound_pages(path);
+  std::optional<SQLite::Database> database = open_mended_pages(path);
   if (!database) return std::nullopt;
   try {
     database->exec("PRAGMA locking_mode = EXCLUSIVE; BEGIN IMMEDIATE; COMMIT");
@@ -231,6 +233,7 @@ void move_away(const fs::path& path, const fs::path& damaged) {
 }  // namespace
 
 CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vector<fs::path>& backups, bool accept) {
+  require_own_folders(folder);
   std::error_code none;
   if (!fs::is_directory(folder / "objects", none)) {
     throw core::StoreError(folder.string() + ": there is no store here (no folder objects)");

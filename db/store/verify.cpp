@@ -271,6 +271,12 @@ class Verification {
           counted(orphans, "object belongs", "objects belong") +
           " to no frame or product (left by a crash or a removed scan; harmless, `lightstage store gc` removes such)");
     }
+    for (const ObjectFiles::Obstacle& obstacle : listing.obstacles) {
+      if (obstacle.object && checked_.contains(*obstacle.object)) continue;  // told with its owner
+      report_.errors.push_back(obstacle.place.string() + ": " + obstacle.what +
+                               ", where only folders and files of objects belong; move it away, then `lightstage store "
+                               "repair` puts in its place what there is a sound copy of");
+    }
     for (const auto& stranger : listing.strangers) {
       report_.notes.push_back(stranger.string() + ": is no object (an interrupted write leaves such files; harmless)");
     }

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "core/processor.h"
 #include "model/engine/instruction_sets.h"
 
 namespace lightstage::model {
@@ -10,7 +11,7 @@ namespace {
 std::vector<const Kernels*> usable_kernels() {
   std::vector<const Kernels*> usable{&kPlainKernels};
 #if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && __builtin_cpu_supports("f16c")) {
+  if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma") && core::processor_has_f16c()) {
     usable.push_back(&kAvx2Kernels);
   }
   if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&

@@ -95,7 +95,7 @@ TEST_CASE("a log gets plain lines and one at the end with the time taken") {
   const Reading half{"train", 50, 100, 30, "loss 0.1"};
   CHECK(core::progress_bar::plain_line(half) == "train: 50/100, 0:30 left, loss 0.1");
   CHECK(core::progress_bar::end_line({"x", 5, 5, 1.25, ""}, true) == "x: 5/5 in 1.2 s");
-  CHECK(core::progress_bar::end_line({"x", 2, 5, 1.25, ""}, false) == "x: 2/5, given up after 1.2 s");
+  CHECK(core::progress_bar::end_line({"x", 2, 5, 1.25, ""}, false) == "x: 2/5, stopped after 1.2 s");
 
   const std::string text = stderr_of([] {
     core::Progress progress("frames", 200);
@@ -145,7 +145,7 @@ TEST_CASE("work that is given up says so") {
     } catch (const std::runtime_error&) {
     }
   });
-  CHECK(text.starts_with("frames: 1/3, given up after "));
+  CHECK(text.starts_with("frames: 1/3, stopped after "));
 }
 
 TEST_CASE("quiet leaves only warnings") {

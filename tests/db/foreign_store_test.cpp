@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "core/printable.h"
 #include "db/scan_loader.h"
+#include "db/scan_lock.h"
 #include "db/scene.h"
 #include "db/store.h"
 #include "support/support.h"
@@ -17,6 +18,7 @@
 namespace fs = std::filesystem;
 using namespace lightstage;
 using Catch::Contains;
+using Catch::Equals;
 
 namespace {
 
@@ -203,6 +205,168 @@ TEST_CASE("links in a store are not followed out of it when something is written
     CHECK_THROWS_AS(store.put_object(test::half_pattern(4, 5, 3, 0)), core::StoreError);
     CHECK(fs::is_empty(foreign.folder / "outside"));
   }
+}
+
+TEST_CASE("a store or backup whose folders are links is not taken, and nothing goes through them") {
+  const ForeignStore foreign;
+  const fs::path victim = foreign.folder / "victim";
+  fs::create_directory(victim);
+  std::ofstream(victim / "thesis.txt") << "mine";
+  const auto before = test::snapshot(victim);
+  const auto is_refused = [&](const auto& work) { CHECK_THAT(foreign.refused(work), Contains("is a symbolic link")); };
+  for (const char* name : {"objects", "locks", "models"}) {
+    CAPTURE(name);
+    const fs::path link = foreign.path / name, aside = foreign.folder / "aside";
+    std::error_code none;
+    fs::rename(link, aside, none);
+    fs::create_directory_symlink("../victim", link);
+    is_refused([&] { db::Store::open(foreign.path); });
+    is_refused([&] { db::Store::repair_catalogue(foreign.path, {}); });
+    is_refused([&] { db::ScanLock(foreign.path, "thesis.txt", "is being captured"); });
+    const ForeignStore other;
+    is_refused([&] { db::Store::open(other.path).back_up(foreign.path); });
+    is_refused([&] { db::Store::open(other.path).repair({foreign.path}); });
+    is_refused([&] { db::Store::restore(foreign.path, foreign.folder / "again"); });
+    fs::rename(foreign.file, foreign.folder / "catalogue");
+    is_refused([&] { db::Store::create(foreign.path); });
+    is_refused([&] { db::Store::restore(other.path, foreign.path); });
+    fs::rename(foreign.folder / "catalogue", foreign.file);
+    fs::remove(link);
+    fs::rename(aside, link, none);
+  }
+  CHECK(test::snapshot(victim) == before);
+  CHECK(db::Store::open(foreign.path).verify().errors.empty());
+}
+
+TEST_CASE("what stands in the place of a scan's lock and is none stays as it is") {
+  const ForeignStore foreign;
+  const fs::path lock = foreign.path / "locks/head", thesis = foreign.folder / "thesis.txt";
+  fs::create_directory(lock.parent_path());
+  const auto is_refused = [&] {
+    CHECK_THAT(foreign.refused([&] { db::ScanLock(foreign.path, "head", "is being captured"); }), Contains("lock"));
+  };
+  std::ofstream(thesis) << "17 chapters";
+  SECTION("a file") {
+    fs::rename(thesis, lock);
+    is_refused();
+    CHECK(test::read_text(lock) == "17 chapters");
+  }
+  SECTION("a second name of a file, even of an empty one") {
+    std::ofstream(thesis, std::ios::trunc);
+    fs::create_hard_link(thesis, lock);
+    is_refused();
+    CHECK(fs::exists(lock));
+  }
+  SECTION("a link") {
+    fs::create_symlink(thesis, lock);
+    is_refused();
+    CHECK(test::read_text(thesis) == "17 chapters");
+    CHECK(fs::is_symlink(lock));
+  }
+  SECTION("a pipe") {
+    REQUIRE(mkfifo(lock.c_str(), 0600) == 0);
+    is_refused();
+  }
+  SECTION("words whose end a power cut took are a lock's") {
+    for (const char* left : {"", "17", "17 is b", "17 is being captured"}) {
+      std::ofstream(lock) << left;
+      db::ScanLock(foreign.path, "head", "is being captured");
+      CHECK_FALSE(fs::exists(lock));
+    }
+    std::ofstream(lock) << std::string(22, '\0');
+    db::ScanLock(foreign.path, "head", "is being captured");
+    CHECK_FALSE(fs::exists(lock));
+  }
+}
+
+TEST_CASE("what stands in an object's place and is no file is damage, which nobody opens, waits for or removes") {
+  const ForeignStore foreign;
+  db::Store store = db::Store::open(foreign.path);
+  store.back_up(foreign.folder / "backup");
+  const db::ContentHash hash = store.frames(1)[1].object;
+  const fs::path object = store.object_path(hash);
+  const auto check = [&](const std::string& what, bool mendable) {
+    const auto errors = store.verify().errors;
+    REQUIRE(errors.size() >= 1);
+    CHECK_THAT(errors[0], Contains("scan 'head', step 1, camera 'main': object " + hash.hex() + " is damaged: ") &&
+                              Contains(what));
+    CHECK_THAT(test::message_of([&] { store.object(hash); }), Contains(what));
+    CHECK_THAT(test::message_of([&] { store.back_up(foreign.folder / "late"); }), Equals(""));
+    CHECK_FALSE(fs::exists(foreign.folder / "late/objects" / object.lexically_relative(foreign.path / "objects")));
+    store.collect_garbage(std::chrono::seconds(0));
+    CHECK(store.repair({}).lost.size() == 1);
+    const db::RepairReport report = store.repair({foreign.folder / "backup"});
+    if (mendable) {
+      CHECK(report.mended.size() == 1);
+      CHECK(store.verify().errors.empty());
+    } else {
+      REQUIRE(report.lost.size() == 1);
+      CHECK_THAT(report.lost[0], Contains("move away what stands there"));
+    }
+  };
+  SECTION("a link to the right bytes elsewhere") {
+    fs::rename(object, foreign.folder / "elsewhere.exr");
+    fs::create_symlink(foreign.folder / "elsewhere.exr", object);
+    check("a symbolic link stands in its place", true);
+    CHECK(fs::exists(foreign.folder / "elsewhere.exr"));
+  }
+  SECTION("a link to what has no end") {
+    fs::remove(object);
+    fs::create_symlink("/dev/zero", object);
+    check("a symbolic link stands in its place", true);
+  }
+  SECTION("a pipe") {
+    fs::remove(object);
+    REQUIRE(mkfifo(object.c_str(), 0600) == 0);
+    check("a pipe stands in its place", false);
+  }
+  SECTION("a folder") {
+    fs::remove(object);
+    fs::create_directory(object);
+    check("a folder stands in its place", false);
+  }
+  SECTION("a link for their folder") {
+    fs::rename(object.parent_path(), foreign.folder / "ab");
+    fs::create_directory_symlink("../../ab", object.parent_path());
+    check("is a symbolic link; objects lie in the store's own folders", false);
+    CHECK(fs::exists(foreign.folder / "ab" / object.filename()));
+  }
+  SECTION("a file for their folder") {
+    fs::remove_all(object.parent_path());
+    std::ofstream(object.parent_path()) << "x";
+    check("is a file; objects lie in the store's own folders", false);
+  }
+}
+
+TEST_CASE("what is in the way of objects to come, or of others, is an error of the store") {
+  const ForeignStore foreign;
+  const db::Store store = db::Store::open(foreign.path);
+  std::string free = "00";
+  while (fs::exists(foreign.path / "objects" / free)) ++free[1];
+  const fs::path place = foreign.path / "objects" / free;
+  std::ofstream(foreign.folder / "thesis.txt") << "mine";
+  SECTION("a file in the place of a folder") {
+    std::ofstream(place) << "x";
+  }
+  SECTION("a link in the place of a folder") {
+    fs::create_directory_symlink(foreign.folder.path(), place);
+  }
+  SECTION("a pipe") {
+    fs::create_directory(place);
+    REQUIRE(mkfifo((place / "x.exr").c_str(), 0600) == 0);
+  }
+  SECTION("a link") {
+    fs::create_directory(place);
+    fs::create_symlink(foreign.folder / "thesis.txt", place / "x.exr");
+  }
+  const auto report = store.verify();
+  REQUIRE(report.errors.size() == 1);
+  CHECK_THAT(report.errors[0], Contains(place.string()) && Contains("move it away"));
+  CHECK(report.notes.empty());
+  const auto before = test::snapshot(foreign.path / "objects");
+  db::Store::open(foreign.path).collect_garbage(std::chrono::seconds(0));
+  CHECK(test::snapshot(foreign.path / "objects") == before);
+  CHECK(fs::exists(foreign.folder / "thesis.txt"));
 }
 
 TEST_CASE("what is no file in a file's place is refused, and nobody waits for it") {

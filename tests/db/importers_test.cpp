@@ -194,6 +194,9 @@ TEST_CASE_METHOD(Fixture, "a light without its picture is named with file and pl
   write_text(set / "a.lp", lp_text());
   fs::remove(set / "p2.png");
   CHECK_THAT(lp_refusal(), Equals((set / "a.lp").string() + ": light 3 of 4: the picture 'p2.png' is not there"));
+  fs::create_directory(set / "p2.png");
+  CHECK_THAT(lp_refusal(), Equals((set / "a.lp").string() + ": light 3 of 4: the picture 'p2.png' is not a file"));
+  fs::remove(set / "p2.png");
   write_diligent();
   fs::remove(set / "p1.png");
   CHECK_THAT(diligent_refusal(), Equals((set / "filenames.txt").string() + ":2: the picture 'p1.png' is not there"));

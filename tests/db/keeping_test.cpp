@@ -125,7 +125,11 @@ TEST_CASE_METHOD(Fixture, "a restored store has everything, and can be backed up
   CHECK(again.newest_product("mask", again.scan("head").id).has_value());
   CHECK(again.back_up(folder / "backup").copied == 0);
   CHECK_THROWS_AS(db::Store::restore(folder / "backup", folder / "again"), core::UsageError);
-  CHECK_THROWS_AS(db::Store::restore(folder / "nowhere", folder / "new"), core::StoreError);
+  test::write_text(folder / "file", "no folder");
+  for (const fs::path& nothing : {folder / "nowhere", folder / "file"}) {
+    CHECK_THAT(message_of([&] { db::Store::restore(nothing, folder / "new"); }),
+               Contains(nothing.string() + ": there is no backup here") && !Contains("init"));
+  }
 }
 
 TEST_CASE_METHOD(Fixture, "the log of a catalogue that is gone is not taken for that of a new one") {
@@ -153,7 +157,9 @@ TEST_CASE_METHOD(Fixture, "an interrupted backup leaves the earlier one whole, a
   {
     const db::Store backup = db::Store::open(folder / "backup");
     CHECK_FALSE(backup.find_scan("second"));
-    CHECK(backup.verify().errors == std::vector<std::string>());
+    const std::vector<std::string> errors = backup.verify().errors;
+    REQUIRE(errors.size() == 1);
+    CHECK_THAT(errors[0], Contains(blocked.string() + ": is a file"));
   }
   fs::remove(blocked);
   store.back_up(folder / "backup");
@@ -175,6 +181,33 @@ TEST_CASE_METHOD(Fixture, "a store that is written to meanwhile gives a whole ba
   writer.join();
   store.back_up(folder / "backup");
   CHECK(db::Store::open(folder / "backup").verify().errors == std::vector<std::string>());
+}
+
+TEST_CASE_METHOD(Fixture, "a store that is moved while it is in use is not cut in two") {
+  const fs::path here = folder / "store", there = folder / "moved";
+  const db::Id scan_id = store.add_scan(test::olat_scan("second", 3));
+  const auto frame = [&](int step) { return db::NewFrame{.scan_id = scan_id, .camera = "main", .step_index = step}; };
+  const auto picture = [](int step) { return test::half_pattern(9, 7, 3, 300 + step); };
+  store.put_frame(frame(0), picture(0));
+  store.back_up(folder / "backup");
+  std::vector<db::UnsyncedFrame> begun;
+  begun.push_back(store.begin_frame(frame(1), picture(1)));
+  fs::rename(here, there);
+  CHECK_THAT(message_of([&] { store.begin_frame(frame(2), picture(2)); }), Contains("the store was moved"));
+  CHECK_THROWS_AS(store.finish_frames(std::move(begun)), core::StoreError);
+  CHECK_FALSE(fs::exists(here));
+
+  // Another one in its place, even of the same content.
+  db::Store::restore(folder / "backup", here);
+  const auto objects = objects_in(there);
+  CHECK_THAT(message_of([&] { store.put_frame(frame(2), picture(2)); }),
+             Contains("moved or replaced while it was in use"));
+  CHECK_THAT(message_of([&] { store.remove_scan(scan_id); }), Contains("moved or replaced"));
+  CHECK_THAT(message_of([&] { store.collect_garbage(std::chrono::seconds(0)); }), Contains("moved or replaced"));
+  CHECK(objects_in(there) == objects);
+  for (const fs::path& place : {here, there}) {
+    CHECK(db::Store::open(place).frames(scan_id).size() == 1);
+  }
 }
 
 TEST_CASE_METHOD(Fixture, "repair mends from backups and from what interrupted writes left, and nothing else changes") {

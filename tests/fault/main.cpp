@@ -74,8 +74,8 @@ class Harness {
  public:
   Harness(fs::path folder, std::uint64_t seed) : folder_(std::move(folder)), random_(seed) {}
 
-  // The points of one scenario, spread over the kinds of faults.
-  std::vector<Point> run(const Scenario& scenario, std::size_t points) {
+  // So many points of one scenario, of which the first is that number of all: kinds of faults take turns over all scenarios.
+  std::vector<Point> run(const Scenario& scenario, std::size_t first, std::size_t points) {
     scenario_ = &scenario;
     const fs::path base = folder_ / "base";
     fs::remove_all(base);
@@ -99,7 +99,7 @@ class Harness {
     core::Progress progress(scenario.name, points);
     const std::vector<Change> record = read_record(record_file);
     for (std::size_t i = 0; i < points; ++i, progress.advance()) {
-      results.push_back(break_one(base, record, i % 10, {calls, writes, maps, allocations, sqlite_allocations}));
+      results.push_back(break_one(base, record, (first + i) % 10, {calls, writes, maps, allocations, sqlite_allocations}));
     }
     return results;
   }
@@ -265,9 +265,9 @@ int run(int argc, char** argv) {
   std::map<std::string, std::size_t> by_fault;
   ordered_json by_scenario = ordered_json::object();
   for (std::size_t i = 0; i < chosen.size(); ++i) {
-    const std::size_t share = points * (i + 1) / chosen.size() - points * i / chosen.size();
+    const std::size_t first = points * i / chosen.size(), share = points * (i + 1) / chosen.size() - first;
     Tally tally;
-    for (const Point& point : harness.run(*chosen[i], share)) {
+    for (const Point& point : harness.run(*chosen[i], first, share)) {
       tally.add(point);
       all.add(point);
       ++by_fault[point.fault.substr(0, point.fault.find(' '))];

@@ -27,6 +27,10 @@ SmallDisk::~SmallDisk() {
   if (problem_.empty()) ::umount2(folder_.c_str(), MNT_DETACH);
 }
 
+bool SmallDisk::make_read_only() const {
+  return ::mount("tmpfs", folder_.c_str(), "tmpfs", MS_REMOUNT | MS_RDONLY, nullptr) == 0;
+}
+
 void SmallDisk::fill(const std::string& name, std::size_t bytes_left) const {
   const int fd = ::open((folder_ / name).c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
   const std::vector<char> block(4096, 'x');

@@ -18,6 +18,9 @@ class SmallDisk {
   // Why there is none: the machine lets this process mount nothing. Then skip the test.
   const std::string& problem() const { return problem_; }
 
+  // Mounts it anew so that nothing can be written. Nobody may have a file there open for writing.
+  bool make_read_only() const;
+
   // Writes a file of this name until so many bytes are free.
   void fill(const std::string& name, std::size_t bytes_left = 0) const;
 
