@@ -74,8 +74,8 @@ void repair(const RepairOptions& options, Context& context) {
   const db::RepairReport report = store.repair(options.backups);
   std::string text;
   if (!catalogue.log_copy.empty()) {
-    text += "the catalogue's log was damaged: " + std::to_string(catalogue.log_bits) + " flipped bits put right, " +
-            std::to_string(catalogue.log_pages_lost) + " pages lost\n  the damaged one is kept as " +
+    text += "the catalogue's log was damaged: flipped bits put right: " + std::to_string(catalogue.log_bits) +
+            ", pages lost: " + std::to_string(catalogue.log_pages_lost) + "\n  the damaged one is kept as " +
             catalogue.log_copy.string() + "\n";
   }
   if (!catalogue.damaged_copy.empty()) {
