@@ -73,6 +73,11 @@ void repair(const RepairOptions& options, Context& context) {
   db::Store store = db::Store::open(context.store_folder);
   const db::RepairReport report = store.repair(options.backups);
   std::string text;
+  if (!catalogue.log_copy.empty()) {
+    text += "the catalogue's log was damaged: flipped bits put right: " + std::to_string(catalogue.log_bits) +
+            ", pages lost: " + std::to_string(catalogue.log_pages_lost) + "\n  the damaged one is kept as " +
+            catalogue.log_copy.string() + "\n";
+  }
   if (!catalogue.damaged_copy.empty()) {
     text +=
         "the catalogue was damaged and was made anew: " + std::to_string(catalogue.rows_read) + " rows read from it, " +
@@ -90,9 +95,18 @@ void repair(const RepairOptions& options, Context& context) {
                           {"rows_read", catalogue.rows_read},
                           {"rows_from_backups", catalogue.rows_from_backups},
                           {"rows_dropped", catalogue.rows_dropped},
-                          {"accepted", catalogue.accepted}}},
+                          {"accepted", catalogue.accepted},
+                          {"log_copy", catalogue.log_copy.string()},
+                          {"log_bits", catalogue.log_bits},
+                          {"log_pages_lost", catalogue.log_pages_lost}}},
                         {"mended", report.mended},
                         {"lost", report.lost}});
+  if (catalogue.log_pages_lost > 0) {
+    throw core::StoreError(
+        catalogue.log_copy.string() + ": " + std::to_string(catalogue.log_pages_lost) +
+        " pages of the catalogue's log could not be saved: what was stored last before the crash may "
+        "be gone; `lightstage store verify` names scans with missing frames");
+  }
   if (!report.lost.empty()) {
     throw core::StoreError(store.folder().string() + ": " + std::to_string(report.lost.size()) +
                            " objects have no sound copy; name backups with --from, or take frames again "

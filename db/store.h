@@ -162,6 +162,10 @@ struct CatalogueRepair {
   std::size_t rows_from_backups = 0;
   std::size_t rows_dropped = 0;  // that referred to rows which could be read nowhere
   bool accepted = false;         // taken as it was
+  // Of the log that a crash had left, before that.
+  std::filesystem::path log_copy;  // where the damaged one was copied to; empty: it was sound
+  std::size_t log_bits = 0;        // flipped bits that were put right
+  std::size_t log_pages_lost = 0;  // pages of transactions that could not be saved
 };
 
 // A scan's row and how much belongs to it.
@@ -290,7 +294,7 @@ class Store {
   // referred to by a program at work. With `only_look` nothing is removed. Others may write meanwhile, and wait for a moment now and then.
   GarbageReport collect_garbage(std::chrono::seconds age, bool only_look = false);
 
-  // Makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (the newest last) have.
+  // Mends the log that a crash has left, where it is damaged (db/store/log_damage.h), and makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (the newest last) have.
   // The damaged one is kept beside it. Does nothing to a sound one. One that is whole, but has pages that do not match their checksums, is with
   // `accept` taken as it is. Throws StoreError when nothing can be read, another program has the store open, or neither backups nor `accept` say
   // what to do; UsageError for a backup of another store.

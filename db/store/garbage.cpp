@@ -3,6 +3,7 @@
 #include "core/interrupt.h"
 #include "core/progress.h"
 #include "db/store/impl.h"
+#include "db/store/log_damage.h"
 #include "db/store/scan_contents.h"
 
 namespace lightstage::db {
@@ -19,10 +20,13 @@ std::optional<std::chrono::seconds> age_of(const fs::path& file) {
   return std::chrono::duration_cast<std::chrono::seconds>(fs::file_time_type::clock::now() - written);
 }
 
-// Objects may belong to rows that only a catalogue that was put aside still has.
+// Objects may belong to rows that only a catalogue or a log that was put aside still has.
 void refuse_with_damaged_catalogue(const fs::path& folder) {
+  const std::string catalogue = catalogue_path({}).string() + kDamagedSuffix,
+                    log = log_path({}).string() + kDamagedSuffix;
   for (const auto& entry : fs::directory_iterator(folder)) {
-    if (entry.path().filename().string().starts_with(catalogue_path({}).string() + kDamagedSuffix)) {
+    const std::string name = entry.path().filename().string();
+    if (name.starts_with(catalogue) || name.starts_with(log)) {
       throw core::StoreError(
           entry.path().string() +
           ": this damaged catalogue may know more objects than the one in use; nothing is removed while it is "

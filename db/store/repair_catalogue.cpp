@@ -8,6 +8,7 @@
 #include "core/interrupt.h"
 #include "core/scratch_folder.h"
 #include "db/store/impl.h"
+#include "db/store/log_damage.h"
 #include "db/store/migrations.h"
 #include "db/store/page_checks.h"
 
@@ -238,6 +239,10 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
     throw core::StoreError(folder.string() + ": there is no store here (no folder objects)");
   }
   CatalogueRepair report;
+  const LogRepair log = repair_log(folder);  // before anybody opens the catalogue, and with it the log
+  report.log_copy = log.damaged_copy;
+  report.log_bits = log.bits;
+  report.log_pages_lost = log.pages_lost;
   const Condition condition = condition_of(folder);
   if (condition == Condition::kSound) return report;
   const fs::path path = catalogue_path(folder);
