@@ -1,5 +1,6 @@
 #include "calib/linearity.h"
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <set>
@@ -79,7 +80,7 @@ CellMean cell_mean(core::ImageView picture, int top, int left, int channel, doub
       cell.usable = cell.usable && v < limit;
     }
   }
-  constexpr double n = kCell * kCell;
+  const double n = kCell * kCell;
   cell.mean = sum / n;
   // Texture of the scene is in it as well, which only makes cells of much of it count for less.
   cell.variance = std::max(0.0, squares / n - cell.mean * cell.mean) / n;
@@ -212,7 +213,7 @@ std::vector<NoisePoint> noise_of_pairs(std::span<const ExposedPicture> pictures,
                 level += 0.5 * (va + vb);
               }
             }
-            constexpr double n = kCell * kCell;
+            const double n = kCell * kCell;
             if (usable) points.push_back({level / n - black, 0.5 * (squares - sum * sum / n) / (n - 1)});
           }
         }

@@ -12,11 +12,6 @@ namespace {
 // Devices are never quite as was reckoned, and what the controllers stop is a pass broken off.
 constexpr double kMargin = 0.97;
 
-// Mean of a light's colours, which is what it adds to the whole.
-double level_of(const LightLevel& level) {
-  return (double(level.r) + double(level.g) + double(level.b)) / 3;
-}
-
 std::string number(double value) {
   return core::number_text(value, 2);
 }
@@ -44,7 +39,9 @@ std::optional<Hot> first_hot(const Sequence& sequence, const std::vector<std::ve
   for (std::size_t i = 0; i < sequence.steps.size(); ++i) {
     const double seconds = double(times[i + 1] - times[i]) / core::kSecond;
     std::fill(on.begin(), on.end(), false);
-    for (const LightLevel& level : lit[i]) on[std::size_t(level.light_index)] = level_of(level) > 0;
+    for (const LightLevel& level : lit[i]) {
+      on[std::size_t(level.light_index)] = level.r > 0 || level.g > 0 || level.b > 0;
+    }
     for (std::size_t l = 0; l < light_count; ++l) {
       heat[l].on_s = on[l] ? heat[l].on_s + seconds : 0;
       heat[l].store_s = std::max(0.0, heat[l].store_s + (on[l] ? 1 - limits.duty : -limits.duty) * seconds);
@@ -59,8 +56,7 @@ std::optional<Hot> first_hot(const Sequence& sequence, const std::vector<std::ve
 struct Flashing {
   core::Nanoseconds time = 0;
   const db::Step* step = nullptr;
-  int in_a_second = 0;
-  double rise = 0;
+  FlashMeter::Worst worst, worst_small;
 };
 
 std::optional<Flashing> first_flashing(const Sequence& sequence, const std::vector<std::vector<LightLevel>>& lit,
@@ -70,18 +66,20 @@ std::optional<Flashing> first_flashing(const Sequence& sequence, const std::vect
   if (limits.strobe_share < 1) with_margin.strobe_share *= kMargin;
   FlashMeter meter(light_count, with_margin);
   std::optional<Flashing> first;
-  std::vector<std::pair<std::size_t, double>> levels;
+  std::vector<LitLight> shown;
   for (std::size_t i = 0; i < sequence.steps.size(); ++i) {
-    levels.clear();
-    for (const LightLevel& level : lit[i]) levels.emplace_back(std::size_t(level.light_index), level_of(level));
-    meter.show(times[i], levels);
+    shown.clear();
+    for (const LightLevel& level : lit[i]) {
+      shown.push_back({std::size_t(level.light_index), {level.r, level.g, level.b}});
+    }
+    meter.show(times[i], shown);
     if (const auto time = first ? std::nullopt : meter.too_many(); time && *time < times[i + 1]) {
-      first = Flashing{*time, &sequence.steps[i], 0, 0};
+      first = Flashing{*time, &sequence.steps[i], {}, {}};
     }
   }
   meter.show(times.back(), {});
-  if (first) first->in_a_second = meter.most_in_a_second();
-  if (first) first->rise = meter.largest_rise();
+  if (first) first->worst = meter.worst();
+  if (first) first->worst_small = meter.worst_small();
   return first;
 }
 
@@ -140,20 +138,24 @@ std::vector<std::string> exceeded_limits(const Sequence& sequence, std::size_t l
   for (const Pace& pace : paces) {
     const std::vector<core::Nanoseconds> times = light_times(sequence, pace);
     const auto found = first_flashing(sequence, lit, light_count, limits, times);
-    if (found && (!flashing || found->in_a_second > flashing->in_a_second)) flashing = found;
+    if (found && (!flashing || found->worst.in_a_second > flashing->worst.in_a_second)) flashing = found;
     if (!hot) hot = first_hot(sequence, lit, light_count, limits, times);
   }
   std::vector<std::string> lines;
   if (flashing) {
+    const int most = int(limits.strobe_from_hz), most_small = 3 * most;
+    const bool large = flashing->worst.in_a_second > most, small = flashing->worst_small.in_a_second > most_small;
+    const FlashMeter::Worst& worst = large ? flashing->worst : flashing->worst_small;
     const std::string how_often =
-        flashing->in_a_second > int(limits.strobe_from_hz)
-            ? "the stage would flash " + std::to_string(flashing->in_a_second) + " times within a second, by up to " +
-                  number(100 * flashing->rise) + " % of its full light as an eye sees it"
+        large || small
+            ? "the stage would flash " + std::to_string(worst.in_a_second) + " times within a second, by up to " +
+                  number(100 * worst.rise) + " % of its full light (or of one of its colours) as an eye sees it"
             : "lights that make up " + number(100 * limits.strobe_area) + " % of the stage would flash more than " +
-                  std::to_string(int(limits.strobe_from_hz)) + " times within a second";
+                  std::to_string(most) + " times within a second";
     lines.push_back(how_often + ", from " + step_text(*flashing->step) + " on, which can set off seizures: at most " +
-                    std::to_string(int(limits.strobe_from_hz)) + " flashes of " + number(100 * limits.strobe_share) +
-                    " % a second are allowed ([limits] of the stage file)");
+                    std::to_string(most) + " flashes of " + number(100 * limits.strobe_share) + " % a second, or " +
+                    std::to_string(most_small) + " of " + number(50 * limits.strobe_share) +
+                    " %, are allowed ([limits] of the stage file)");
   }
   if (hot) {
     lines.push_back(

@@ -36,6 +36,7 @@ nlohmann::ordered_json list_excluded(const std::vector<ExcludedFrame>& frames, s
 
 void run_robust(const Options& options, Context& context) {
   db::Store store = context.open_store();
+  store.require_writable();
   const RegisterReport report = register_scan(store, store.scan(options.name));
   std::string text =
       "registered " + std::to_string(report.aligned) + " frames with those of the lights beside theirs\n  motion " +
@@ -57,6 +58,7 @@ void run_robust(const Options& options, Context& context) {
 
 void run_align(const Options& options, Context& context) {
   db::Store store = context.open_store();
+  store.require_writable();
   const AlignReport report = align_scan(store, store.scan(options.name), options.job);
   std::string text = "aligned " + std::to_string(report.aligned) + " frames to the key pose by " +
                      std::to_string(report.tracking_frames) + " tracking frames\n  motion " +

@@ -50,6 +50,7 @@ void run_calibrate(Options options, Context& context) {
   options.job.grey_radius_m = options.grey_radius_mm / 1000;
   if (!options.grey.empty()) options.job.grey_ball = options.grey;
   db::Store store = context.open_store();
+  store.require_writable();
   const CalibrateReport report = calibrate(store, options.job);
 
   const LightsReport& joined = report.joined;

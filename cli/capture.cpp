@@ -45,14 +45,14 @@ constexpr sim::DeviceTimes kSimulatedTimes{.shortest_period = kSimulatedPeriod};
 // The devices of a pass, real or simulated, with the clock that they live by.
 class Devices {
  public:
-  // `begin`: when a simulated pass goes on.
-  Devices(const CaptureProvenance& provenance, core::Nanoseconds begin) {
+  // `begin`: when a simulated pass goes on; `i_know`: that it exceeds the limits.
+  Devices(const CaptureProvenance& provenance, core::Nanoseconds begin, bool i_know) {
     if (provenance.simulation) {
       virtual_clock_.sleep_until(begin);
       world_.emplace(*provenance.simulation);
       // --i-know stands for the switch at the controller that lets lights flash; what protects the LEDs has none.
       sim::ControllerLimits limits{.heat = provenance.stage.limits};
-      if (provenance.exceeded_limits.empty()) limits.flashing = provenance.stage.limits;
+      if (!i_know) limits.flashing = provenance.stage.limits;
       simulated_.emplace(*world_, virtual_clock_, kSimulatedTimes, limits);
     } else {
       hardware_.emplace(provenance.stage, system_clock_,
@@ -77,7 +77,7 @@ capture::Sequence beginning(capture::Sequence sequence) {
 
 void dry_run(const Options& options, Context& context) {
   const CaptureProvenance provenance = plan_capture(options.request);
-  Devices devices(provenance, 0);
+  Devices devices(provenance, 0, !provenance.exceeded_limits.empty());
   capture::Sequence sequence = beginning(provenance.sequence);
   std::vector<std::vector<std::string>> rows{
       {"timing", "steps/s", "preparation s", "frames", "retaken", "dropped", "discarded", "safe at this rate"}};
@@ -192,11 +192,16 @@ void capture_scan(const Options& options, Context& context) {
     planned->sequence.steps.insert(planned->sequence.steps.end(), again.begin(), again.end());
   }
   const CaptureProvenance& provenance = *planned;
-  if (options.retake) require_within_limits(*planned, options.request.i_know || !provenance.exceeded_limits.empty());
+  const std::size_t stated = provenance.exceeded_limits.size();
+  const bool exceeds = options.goes_on()
+                           ? require_rest_within_limits(store, options.name, *planned, options.request.i_know)
+                           : stated > 0;
   require_room(store, options.name, provenance);
   // Opened before the scan is begun: a device that is missing leaves no empty scan behind.
-  Devices devices(provenance, options.goes_on() ? capture::end_of_last_exposure(store, store.scan(options.name))
-                                                : core::Nanoseconds{0});
+  Devices devices(
+      provenance,
+      options.goes_on() ? capture::end_of_last_exposure(store, store.scan(options.name)) : core::Nanoseconds{0},
+      exceeds);
   check_rig("scan '" + options.name + "'", provenance.sequence, devices.rig());
   // A mirror shows each light as a spot of its own: its neighbours say nothing of it.
   const bool mirror = !options.goes_on() && options.request.mirror_ball;
@@ -207,7 +212,8 @@ void capture_scan(const Options& options, Context& context) {
   if (options.light_check.value_or(!provenance.simulation && !options.goes_on() && !mirror)) {
     check_lights(provenance, devices.rig(), exposure_of_lights(provenance.sequence));
   }
-  if (options.retake) store.extend_scan(store.scan(options.name).id, again, to_json(provenance));
+  if (options.retake || provenance.exceeded_limits.size() > stated)
+    store.extend_scan(store.scan(options.name).id, again, to_json(provenance));
   const db::Scan scan =
       options.goes_on() ? store.scan(options.name) : begin_scan(store, options.name, options.request, provenance);
 
@@ -375,9 +381,7 @@ void add_capture(CLI::App& program, Context& context) {
   CLI::Option* views = command->get_option("--views");
   CLI::Option* tracking = command->get_option("--tracking-every");
   CLI::Option* radius = command->get_option("--ball-radius");
-  CLI::Option* i_know = command->get_option("--i-know");
-  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius, i_know] {
-    if (options->resume) refuse_any({i_know}, "--resume goes on as it was begun; leave this out");
+  command->callback([options, &context, simulated, new_ones, not_dry, views, tracking, radius] {
     if (options->goes_on()) {
       refuse_any(new_ones, std::string(options->resume ? "--resume" : "--retake") +
                                " goes on with a scan as it was begun; leave this out");

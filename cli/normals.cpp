@@ -55,6 +55,7 @@ double masked_median(core::ImageView map, core::ImageView mask) {
 
 void run_normals(const Options& options, Context& context) {
   db::Store store = context.open_store();
+  store.require_writable();
   const db::Scan scan = store.scan(options.name);
   const db::LoadedScan source = load_scan(store, options.name);
   make_folder(options.out);

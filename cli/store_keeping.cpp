@@ -83,6 +83,11 @@ void repair(const RepairOptions& options, Context& context) {
   std::vector<std::string> lost = catalogue.lost;
   lost.insert(lost.end(), report.lost.begin(), report.lost.end());
   std::string text;
+  if (!catalogue.log_copy.empty()) {
+    text += "the catalogue's log was damaged: flipped bits put right: " + std::to_string(catalogue.log_bits) +
+            ", pages lost: " + std::to_string(catalogue.log_pages_lost) + "\n  the damaged one is kept as " +
+            catalogue.log_copy.string() + "\n";
+  }
   if (catalogue.made_anew) {
     text += std::string("the catalogue was ") + (catalogue.damaged_copy.empty() ? "missing" : "damaged") +
             " and was made anew: " + std::to_string(catalogue.rows_read) + " rows read from it, " +
@@ -95,7 +100,8 @@ void repair(const RepairOptions& options, Context& context) {
     text += std::to_string(catalogue.rows_from_backups) + " rows that the catalogue lacked were taken from backups\n";
   }
   if (catalogue.accepted) text += "the catalogue was taken as it is\n";
-  const bool rows_changed = catalogue.made_anew || catalogue.accepted || catalogue.rows_from_backups > 0;
+  const bool rows_changed =
+      catalogue.made_anew || catalogue.accepted || catalogue.rows_from_backups > 0 || !catalogue.log_copy.empty();
   if (report.mended.empty() && lost.empty()) {
     text += rows_changed ? "all objects are sound\n" : "nothing to repair\n";
   } else {
@@ -110,7 +116,10 @@ void repair(const RepairOptions& options, Context& context) {
                           {"rows_from_backups", catalogue.rows_from_backups},
                           {"rows_dropped", catalogue.rows_dropped},
                           {"accepted", catalogue.accepted},
-                          {"clashes", catalogue.clashes}}},
+                          {"clashes", catalogue.clashes},
+                          {"log_copy", catalogue.log_copy.string()},
+                          {"log_bits", catalogue.log_bits},
+                          {"log_pages_lost", catalogue.log_pages_lost}}},
                         {"mended", report.mended},
                         {"lost", lost}});
   if (!catalogue.lost.empty()) {
@@ -119,6 +128,12 @@ void repair(const RepairOptions& options, Context& context) {
         (catalogue.lost.size() > 1 ? " and " + std::to_string(catalogue.lost.size() - 1) + " more" : "") +
         "; name backups with --from, or take frames again (`lightstage capture --resume`) and make again what was "
         "derived. When all that you need is there again, move store.sqlite.damaged-* to another folder");
+  }
+  if (catalogue.log_pages_lost > 0) {
+    throw core::StoreError(
+        catalogue.log_copy.string() + ": " + std::to_string(catalogue.log_pages_lost) +
+        " pages of the catalogue's log could not be saved: what was stored last before the crash may "
+        "be gone; `lightstage store verify` names scans with missing frames");
   }
   if (!report.lost.empty()) {
     throw core::StoreError(store.folder().string() + ": " + std::to_string(report.lost.size()) +

@@ -97,6 +97,7 @@ std::string text_of_pack(const nlohmann::ordered_json& pack) {
 
 void run_superres(const Options& options, Context& context) {
   db::Store store = context.open_store();
+  store.require_writable();
   const db::Scan scan = store.scan(options.name);
   // What is wrong with the name is said before long work.
   const auto existing = store.find_scan(options.out);

@@ -108,7 +108,9 @@ struct Progress::State {
       status_now = status;
     }
     const double elapsed = double(SystemClock().now() - start) / double(kSecond);
-    show(progress_bar::Reading{label, done.load(), total, elapsed, status_now});
+    const std::size_t by_now = done.load();
+    // There may be more to do than was known.
+    show(progress_bar::Reading{label, by_now, total == 0 ? 0 : std::max(total, by_now), elapsed, status_now});
   }
 
   void show_if_due() {

@@ -19,7 +19,7 @@ void warn(std::string_view text);
 // otherwise, plus one at the end with the time taken. May be advanced from several threads.
 class Progress {
  public:
-  // `total` 0 means that it is not known.
+  // `total` 0 means that it is not known. More may be done than it says: it is then what was done.
   Progress(std::string label, std::size_t total);
   ~Progress();
   Progress(const Progress&) = delete;

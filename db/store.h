@@ -170,6 +170,10 @@ struct CatalogueRepair {
   std::vector<std::string> lost;
   // Scans and products of backups whose number or name belongs to another one here: they were left out.
   std::vector<std::string> clashes;
+  // Of the log that a crash had left, before that.
+  std::filesystem::path log_copy;  // where the damaged one was copied to; empty: it was sound
+  std::size_t log_bits = 0;        // flipped bits that were put right
+  std::size_t log_pages_lost = 0;  // pages of transactions that could not be saved
 };
 
 // A scan's row and how much belongs to it.
@@ -300,7 +304,7 @@ class Store {
   // refer to stays. StoreError while a copy into this folder is under way, and while what a repair has put aside is there.
   GarbageReport collect_garbage(std::chrono::seconds age, bool only_look = false);
 
-  // Makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (folders or kept catalogues, the
+  // Mends the log that a crash has left, where it is damaged (db/store/log_damage.h), and makes a new catalogue where the one in the folder is missing or damaged: of every row on a sound page, and of what backups (folders or kept catalogues, the
   // newest last) have. The damaged one is kept beside it, or a mark that there was none. A sound one is left as it is, but for rows that it
   // lacks of the backups: while a damaged one lies beside it, and from kept catalogues. One that is whole, but has pages that do not match their checksums, is
   // with `accept` taken as it is. Throws StoreError when nothing can be read, another program has the store open, or neither backups nor `accept` say

@@ -134,10 +134,10 @@ void LedFirmware::find_exhaustion() {
 
 void LedFirmware::count_flashes(Nanoseconds time) {
   if (!flashes_) return;
-  constexpr double kFull = 3 * 65535.0;  // an output of a single colour gives the mean of the three
-  std::vector<std::pair<std::size_t, double>> levels;
-  for (const OutputLevel& l : lit_) levels.emplace_back(l.output, (double(l.r) + double(l.g) + double(l.b)) / kFull);
-  flashes_->show(time, levels);
+  constexpr double kFull = 65535.0;
+  std::vector<capture::LitLight> shown;
+  for (const OutputLevel& l : lit_) shown.push_back({l.output, {l.r / kFull, l.g / kFull, l.b / kFull}});
+  flashes_->show(time, shown);
   too_many_flashes_ = flashes_->too_many();
 }
 

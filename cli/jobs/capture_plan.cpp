@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "capture/light_schedule.h"
 #include "capture/v4l2_cameras.h"
@@ -172,6 +173,21 @@ void require_within_limits(CaptureProvenance& plan, bool i_know) {
                            "(--settle); --i-know takes it as it is, when nobody can be harmed");
   }
   core::warn(text + "; taken all the same (--i-know), except for what the controllers themselves do not do");
+}
+
+bool require_rest_within_limits(const db::Store& store, const std::string& name, CaptureProvenance& plan, bool i_know) {
+  const db::Scan scan = store.scan(name);
+  std::map<int, std::size_t> stored;
+  for (const db::Frame& frame : store.frames(scan.id)) ++stored[frame.step_index];
+  CaptureProvenance rest = plan;
+  std::erase_if(rest.sequence.steps,
+                [&](const db::Step& step) { return stored[step.step_index] >= scan.cameras.size(); });
+  require_within_limits(rest, i_know);
+  for (const std::string& line : rest.exceeded_limits) {
+    if (std::find(plan.exceeded_limits.begin(), plan.exceeded_limits.end(), line) == plan.exceeded_limits.end())
+      plan.exceeded_limits.push_back(line);
+  }
+  return !rest.exceeded_limits.empty();
 }
 
 db::ScanKind scan_kind(const CaptureRequest& request) {

@@ -49,6 +49,10 @@ CaptureProvenance plan_capture(const CaptureRequest& request);
 // As said there, for a plan whose sequence has changed: which limits it exceeds goes into the plan.
 void require_within_limits(CaptureProvenance& plan, bool i_know);
 
+// The same for a scan that is gone on with: of the plan's steps those are held against the limits that lack a frame. Whoever is there now is asked again: what
+// was stated when the scan was begun (and may be a stranger's word) counts for nothing. What is exceeded is added to the plan; whether anything is.
+bool require_rest_within_limits(const db::Store& store, const std::string& name, CaptureProvenance& plan, bool i_know);
+
 // Of what stands on the stage.
 db::ScanKind scan_kind(const CaptureRequest& request);
 

@@ -8,6 +8,7 @@
 #include "core/file.h"
 #include "db/store/catalogue.h"
 #include "db/store/lock_holders.h"
+#include "db/store/log_damage.h"
 #include "db/store/page_checks.h"
 #include "db/store/store_folder.h"
 
@@ -109,8 +110,11 @@ ObjectsHere objects_here(SQLite::Database& catalogue, const ObjectFiles& files) 
 }
 
 std::optional<fs::path> holds_garbage(const fs::path& store_folder) {
+  const std::string log = log_path({}).string() + kDamagedSuffix;
   for (const auto& entry : fs::directory_iterator(store_folder)) {
-    if (is_named(entry.path(), kDamagedSuffix) || is_named(entry.path(), kMissingSuffix)) return entry.path();
+    if (is_named(entry.path(), kDamagedSuffix) || is_named(entry.path(), kMissingSuffix) ||
+        entry.path().filename().string().starts_with(log))
+      return entry.path();
   }
   return std::nullopt;
 }

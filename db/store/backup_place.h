@@ -56,7 +56,7 @@ struct ObjectsHere {
 };
 ObjectsHere objects_here(SQLite::Database& catalogue, const ObjectFiles& files);
 
-// What keeps `store gc` from removing anything: a damaged catalogue that was put aside, or the mark that there was none to put aside
+// What keeps `store gc` from removing anything: a damaged catalogue or log that was put aside, or the mark that there was none to put aside
 // (store.sqlite.missing-N); nothing where there is neither.
 std::optional<std::filesystem::path> holds_garbage(const std::filesystem::path& store_folder);
 

@@ -27,4 +27,18 @@ class BareFile {
   std::unique_ptr<Impl> impl_;
 };
 
+// While one lives that is true, no connection has the catalogue open, of this process or another, and none can open it: each keeps a lock for as long as it is open.
+class NobodyElse {
+ public:
+  explicit NobodyElse(const std::filesystem::path& catalogue);
+  ~NobodyElse();
+  NobodyElse(const NobodyElse&) = delete;
+  NobodyElse& operator=(const NobodyElse&) = delete;
+  explicit operator bool() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
 }  // namespace lightstage::db

@@ -18,6 +18,7 @@
 #include "db/store/bare_file.h"
 #include "db/store/foreign_catalogue.h"
 #include "db/store/lock_holders.h"
+#include "db/store/log_damage.h"
 #include "db/store/migrations.h"
 #include "db/store/object_files.h"
 #include "db/store/page_checks.h"
@@ -238,6 +239,7 @@ SQLite::Database open_catalogue(const fs::path& store_folder) {
       throw core::StoreError(path.string() + ": this file is not a Lightstage store");
     }
     refuse_newer(store_folder, identity->version);
+    refuse_damaged_log(store_folder);
     SQLite::Database database = connect(path);
     // Once more: another program may have migrated it since the look.
     const int version = database.execAndGet("PRAGMA user_version").getInt();

@@ -25,10 +25,10 @@ std::optional<std::chrono::seconds> age_of(const fs::path& file) {
 // Objects may belong to rows that only a catalogue that was put aside, or is gone, still has.
 void refuse_where_rows_were_lost(const fs::path& folder) {
   if (const std::optional<fs::path> mark = holds_garbage(folder)) {
-    throw core::StoreError(
-        mark->string() +
-        ": the catalogue that was here before a repair may have known more objects than the one in use; nothing is "
-        "removed while this file is here. Move it away when all that you need is there again");
+    throw core::StoreError(mark->string() +
+                           ": the catalogue (or its log) that was here before a repair may have known more objects "
+                           "than the one in use; nothing is "
+                           "removed while this file is here. Move it away when all that you need is there again");
   }
 }
 

@@ -13,6 +13,7 @@
 #include "db/store/backup_place.h"
 #include "db/store/catalogue_rows.h"
 #include "db/store/impl.h"
+#include "db/store/log_damage.h"
 #include "db/store/migrations.h"
 #include "db/store/page_checks.h"
 
@@ -255,6 +256,10 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
     throw core::StoreError(folder.string() + ": there is no store here (no folder objects)");
   }
   CatalogueRepair report;
+  const LogRepair log = repair_log(folder);  // before anybody opens the catalogue, and with it the log
+  report.log_copy = log.damaged_copy;
+  report.log_bits = log.bits;
+  report.log_pages_lost = log.pages_lost;
   const Condition condition = condition_of(folder);
   if (condition == Condition::kSound) {
     explaining(folder, [&] { add_to_sound(folder, backups, report); });

@@ -4,12 +4,14 @@
 #include <memory>
 #include <optional>
 #include <set>
+#include <sstream>
 
 #include "core/error.h"
 #include "core/image_file.h"
 #include "core/interrupt.h"
 #include "core/parallel.h"
 #include "core/progress.h"
+#include "core/text.h"
 #include "db/check/thumbnail.h"
 #include "db/store/impl.h"
 #include "db/store/migrations.h"
@@ -30,23 +32,30 @@ class Verification {
       : store_(store), database_(database), files_(files) {}
 
   VerifyReport everything(bool resume) {
-    if (resume) take_up();
     explaining_errors([&] { check_catalogue(); });
     std::vector<Id> ids;
     explaining_errors([&] {
-      expect(std::size_t(database_.execAndGet("SELECT COUNT(*) FROM objects").getInt64()) - checked_.size());
       SQLite::Statement row(database_, "SELECT id FROM scans ORDER BY id");
       while (row.executeStep()) ids.push_back(row.getColumn(0).getInt64());
+      state_.store_id = database_.execAndGet("SELECT store_id FROM identity").getString();
+    });
+    if (resume) take_up(ids);
+    explaining_errors([&] {
+      const auto known = std::size_t(database_.execAndGet("SELECT COUNT(*) FROM objects").getInt64());
+      expect(known - std::min(known, checked_.size()));
     });
     for (const Id id : ids) {
-      if (state_.scans_done.contains(id)) continue;
+      if (state_.sound.contains(id)) continue;
+      const std::size_t errors = report_.errors.size();
+      std::optional<ContentHash> contents;
       explaining_errors(
           [&] {
             const std::optional<Scan> scan = scan_if_there(id);
-            if (scan) check_scan(*scan);
+            if (scan) contents = check_scan(*scan);
           },
           "scan number " + std::to_string(id) + ": ");
-      state_.scans_done.insert(id);
+      if (!contents || report_.errors.size() > errors) continue;
+      state_.sound[id] = *contents;
       write_verify_state(store_.folder(), state_);
     }
     explaining_errors([&] { check_rest(); });
@@ -90,17 +99,66 @@ class Verification {
     }
   }
 
-  void take_up() {
-    std::optional<VerifyState> before = read_verify_state(store_.folder());
-    if (!before) {
-      core::note("there is no interrupted verification: starting anew");
-      return;
+  // Scans that were found sound, and are as they were.
+  void take_up(const std::vector<Id>& ids) {
+    const std::optional<VerifyState> before = read_verify_state(store_.folder());
+    if (!before) return core::note("there is no interrupted verification: starting anew");
+    if (before->store_id != state_.store_id) {
+      return core::note("verify.json is of a verification of another store: starting anew");
     }
-    state_ = *std::move(before);
-    report_.scans_done_before = state_.scans_done.size();
-    for (const Id id : state_.scans_done) {
-      for (const OwnedObject& object : objects_of_scan(database_, id)) checked_.insert({object.hash, {}});
+    for (const Id id : ids) {
+      const auto sound = before->sound.find(id);
+      if (sound == before->sound.end()) continue;
+      explaining_errors(
+          [&] {
+            const std::optional<Scan> scan = scan_if_there(id);
+            if (!scan) return;
+            const SQLite::Transaction snapshot(database_);
+            const Contents contents = contents_of(*scan);
+            if (contents.hash != sound->second) return;
+            for (const OwnedObject& object : contents.objects) checked_.insert({object.hash, {}});
+            report_.frames += contents.frames;
+            ++report_.scans_done_before;
+            state_.sound.insert(*sound);
+          },
+          "scan number " + std::to_string(id) + ": ");
     }
+  }
+
+  // All that the check of a scan looks at.
+  struct Contents {
+    std::vector<OwnedObject> objects;
+    std::vector<LitFrames> lit;
+    std::size_t frames = 0;
+    ContentHash hash;  // of the above and the steps
+  };
+  Contents contents_of(const Scan& scan) const {
+    Contents contents{objects_of_scan(database_, scan.id), lit_frames(store_, scan), 0, {}};
+    SQLite::Statement count(database_, "SELECT COUNT(*) FROM frames WHERE scan_id = ?");
+    bind_all(count, scan.id);
+    if (count.executeStep()) contents.frames = std::size_t(count.getColumn(0).getInt64());
+    std::string text;
+    const auto add = [&](const auto&... parts) { ((text += parts + std::string(1, '\0')), ...); };
+    for (const std::string& camera : scan.cameras) add(camera);
+    for (const Step& step : scan.steps) {
+      add(std::to_string(step.step_index), std::string(to_string(step.kind)),
+          std::to_string(step.light_index.value_or(-1)), std::to_string(step.exposure_ns), step.pattern);
+    }
+    for (const OwnedObject& object : contents.objects) add(object.owner, object.hash.hex());
+    for (const LitFrames& lit : contents.lit) {
+      add(lit.place, lit.mask ? lit.mask->hex() : std::string());
+      for (std::size_t i = 0; i < lit.objects.size(); ++i) {
+        const core::Light& light = lit.lights[i];
+        add(lit.labels[i], lit.objects[i].hex());
+        for (const double value : {light.direction.x(), light.direction.y(), light.direction.z(), light.gain[0],
+                                   light.gain[1], light.gain[2]}) {
+          add(core::number_text(value, 17));
+        }
+      }
+      for (const ContentHash& dark : lit.dark) add(dark.hex());
+    }
+    contents.hash = hash_bytes({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+    return contents;
   }
 
   void check_catalogue() {
@@ -112,8 +170,10 @@ class Verification {
     if (!damaged.empty()) sound_pages_ = open_sound_pages(catalogue_path(store_.folder()));
     SQLite::Statement check(database_, "PRAGMA integrity_check");
     while (check.executeStep()) {
-      const std::string text = check.getColumn(0).getString();
-      if (text != "ok") report_.errors.push_back("catalogue: " + text);
+      std::istringstream findings(check.getColumn(0).getString());  // a line each, below a heading of stars
+      for (std::string line; std::getline(findings, line);) {
+        if (line != "ok" && !line.starts_with("***")) report_.errors.push_back("catalogue: " + line);
+      }
     }
     SQLite::Statement dangling(database_, "PRAGMA foreign_key_check");
     while (dangling.executeStep()) {
@@ -127,27 +187,27 @@ class Verification {
     }
   }
 
-  void check_scan(const Scan& scan) {
-    std::vector<OwnedObject> objects;
-    std::vector<LitFrames> lit;
+  // Returns the hash of what it looked at.
+  ContentHash check_scan(const Scan& scan) {
+    Contents contents;
     {
       // One view of the scan, whatever others write meanwhile.
       SQLite::Transaction snapshot(database_);
       name_rows_on_damaged_pages(scan);
       check_steps(scan);
-      objects = objects_of_scan(database_, scan.id);
-      lit = lit_frames(store_, scan);
+      contents = contents_of(scan);
     }
     Thumbnails thumbnails;
-    for (const LitFrames& frames : lit) {
+    for (const LitFrames& frames : contents.lit) {
       for (const ContentHash& hash : frames.objects) thumbnails[hash];
       for (const ContentHash& hash : frames.dark) thumbnails[hash];
       if (frames.mask) thumbnails[*frames.mask];
     }
-    check_objects(objects, thumbnails);
-    for (const LitFrames& frames : lit) {
+    check_objects(contents.objects, thumbnails);
+    for (const LitFrames& frames : contents.lit) {
       for (std::string& error : misplaced_frames(frames, thumbnails)) report_.errors.push_back(std::move(error));
     }
+    return contents.hash;
   }
 
   void name_rows_on_damaged_pages(const Scan& scan) {
@@ -235,7 +295,7 @@ class Verification {
       for (std::size_t i = first; i < last; ++i) {
         core::throw_if_interrupted();
         problems[i] = check_object(hashes[i], thumbnails);
-        if (progress_) progress_->advance();
+        if (progress_ && !checked_.contains(hashes[i])) progress_->advance();
       }
     });
     for (std::size_t i = 0; i < hashes.size(); ++i) checked_[hashes[i]] = problems[i];
@@ -267,7 +327,7 @@ class Verification {
   std::optional<SQLite::Database> sound_pages_;  // of a catalogue that has others too
   std::unique_ptr<core::Progress> progress_;
   VerifyState state_;
-  VerifyReport& report_ = state_.report;
+  VerifyReport report_;
   std::map<ContentHash, std::optional<std::string>> checked_;  // with what is wrong
 };
 

@@ -1,18 +1,20 @@
-// What a verification of the whole store had done when it was interrupted: verify.json in the store's folder.
+// What a verification of the whole store had found sound when it was interrupted: verify.json in the store's folder.
 #pragma once
 
 #include <filesystem>
+#include <map>
 #include <optional>
-#include <set>
 #include <string>
 
 #include "db/store.h"
 
 namespace lightstage::db {
 
+// The file may lie or be of another time, so nothing in it is believed but that what it describes was read: scans are there with all that the check of them looked at, as one hash, and only those in
+// which nothing was wrong. A scan that has changed since, or of which anything was to be said, is checked again; texts and counts are not kept.
 struct VerifyState {
-  std::set<Id> scans_done;
-  VerifyReport report;  // so far
+  std::string store_id;
+  std::map<Id, ContentHash> sound;  // by scan: the hash of its contents (db/store/verify.cpp)
 };
 
 // Nothing when there is none, or it is not readable as one.

@@ -1,5 +1,6 @@
 #include "sim/subjects/triangle_mesh.h"
 
+#include <algorithm>
 #include <string>
 
 #include "core/error.h"

@@ -19,15 +19,15 @@ namespace {
 
 using Levels = std::vector<double>;
 
+using Colours = std::vector<test::Colour>;
+
 // When a meter says that there are too many flashes; nothing until `end`.
 std::optional<Nanoseconds> too_many(const std::vector<LightsAt>& changes, Nanoseconds end,
                                     const LightLimits& limits = {}) {
   FlashMeter meter(changes.front().levels.size(), limits);
   for (std::size_t i = 0; i < changes.size(); ++i) {
-    std::vector<std::pair<std::size_t, double>> lit;
-    for (std::size_t l = 0; l < changes[i].levels.size(); ++l) {
-      if (changes[i].levels[l] > 0) lit.emplace_back(l, changes[i].levels[l]);
-    }
+    std::vector<capture::LitLight> lit;
+    for (std::size_t l = 0; l < changes[i].levels.size(); ++l) lit.push_back({l, changes[i].levels[l]});
     meter.show(changes[i].time, lit);
     const Nanoseconds until = i + 1 < changes.size() ? changes[i + 1].time : end;
     if (const auto time = meter.too_many(); time && *time < until) return time;
@@ -36,12 +36,13 @@ std::optional<Nanoseconds> too_many(const std::vector<LightsAt>& changes, Nanose
 }
 
 // The two sets of levels in turn, `hz` times a second, the first for this share of the time.
-std::vector<LightsAt> in_turn(double hz, double share, const Levels& first, const Levels& second,
+template <class Set>
+std::vector<LightsAt> in_turn(double hz, double share, const Set& first, const Set& second,
                               Nanoseconds end = 3 * kSecond) {
   std::vector<LightsAt> changes;
   for (double t = 0; t < double(end); t += 1e9 / hz) {
-    changes.push_back({Nanoseconds(t), first});
-    changes.push_back({Nanoseconds(t + 1e9 / hz * share), second});
+    changes.emplace_back(Nanoseconds(t), first);
+    changes.emplace_back(Nanoseconds(t + 1e9 / hz * share), second);
   }
   return changes;
 }
@@ -85,6 +86,57 @@ TEST_CASE("short flashes count as their light, not as their peak", "[limits]") {
   CHECK(too_many(in_turn(5, 0.006 * 5, full, dark), 3 * kSecond));        // 6 ms
 }
 
+TEST_CASE("short flashes at the rates that eyes mind most are too many, though each is small", "[limits]") {
+  const Levels full(20, 1.0), dark(20, 0.0);
+  CHECK(too_many(in_turn(22, 0.004 * 22, full, dark), 3 * kSecond));
+  CHECK(too_many(in_turn(12, 0.003 * 12, full, dark), 3 * kSecond));
+  CHECK_FALSE(too_many(in_turn(8, 0.004 * 8, full, dark), 3 * kSecond));
+  CHECK_FALSE(too_many(in_turn(22, 0.0015 * 22, full, dark), 3 * kSecond));
+  CHECK_FALSE(too_many(in_turn(22, 0.5, Levels(20, 0.04), dark), 3 * kSecond));
+}
+
+TEST_CASE("colours flash each by itself, and saturated red sooner", "[limits]") {
+  const auto all = [](double r, double g, double b) { return Colours(20, test::Colour{r, g, b}); };
+  const Colours dark = all(0, 0, 0);
+  // Full red counts as full light, and red and blue in turn are not steady.
+  for (const Colours& colour : {all(1, 0, 0), all(0, 1, 0), all(0, 0, 1), all(1, 1, 0)}) {
+    CHECK(too_many(in_turn(10, 0.13, colour, dark), 3 * kSecond));
+    CHECK_FALSE(too_many(in_turn(2.5, 0.13, colour, dark), 3 * kSecond));
+  }
+  CHECK(too_many(in_turn(12.5, 0.5, all(1, 0, 0), all(0, 0, 1)), 3 * kSecond));
+  CHECK(too_many(in_turn(12.5, 0.5, all(1, 0, 0), all(1, 1, 1)), 3 * kSecond));
+  // Eight parts in a hundred are a flash of red and none of blue or white.
+  CHECK(too_many(in_turn(5, 0.5, all(0.08, 0, 0), dark), 3 * kSecond));
+  CHECK_FALSE(too_many(in_turn(5, 0.5, all(0.06, 0, 0), dark), 3 * kSecond));
+  CHECK_FALSE(too_many(in_turn(5, 0.5, all(0, 0, 0.09), dark), 3 * kSecond));
+  CHECK_FALSE(too_many(in_turn(5, 0.5, all(0.09, 0.05, 0.05), dark), 3 * kSecond));
+  // Three colours in turn with darkness between: each is lit twice a second, and something flashes six times.
+  std::vector<LightsAt> in_three;
+  for (int i = 0; i < 18; ++i) {
+    const Nanoseconds time = i * kSecond / 6;
+    in_three.emplace_back(time, all(i % 3 == 0, i % 3 == 1, i % 3 == 2));
+    in_three.emplace_back(time + 20 * kMillisecond, dark);
+  }
+  CHECK(too_many(in_three, 3 * kSecond));
+  // A quarter of the lights, some in red, some in blue.
+  Colours some = dark;
+  for (std::size_t i = 0; i < 5; ++i) some[i] = i % 2 == 0 ? test::Colour{0.9, 0, 0} : test::Colour{0, 0, 0.9};
+  CHECK(too_many(in_turn(5, 0.5, some, dark), 3 * kSecond, {.strobe_share = 0.3}));
+  some[4] = {};
+  CHECK_FALSE(too_many(in_turn(5, 0.5, some, dark), 3 * kSecond, {.strobe_share = 0.3}));
+  // As a pass would.
+  capture::Sequence sequence;
+  for (int i = 0; i < 24; ++i) {
+    std::vector<capture::LightLevel> lit;
+    for (int l = 0; l < 12; ++l) lit.push_back({l, i % 2 == 0 ? 1.0F : 0.0F, 0, i % 2 == 0 ? 0.0F : 1.0F});
+    sequence.steps.push_back({.step_index = i,
+                              .kind = db::StepKind::kPattern,
+                              .exposure_ns = 38 * kMillisecond,
+                              .pattern = capture::pattern_of(lit)});
+  }
+  CHECK_FALSE(capture::exceeded_limits(sequence, 12, {}, std::span<const capture::Pace>(&kFast, 1)).empty());
+}
+
 TEST_CASE("lights that take turns flash although their sum stays the same", "[limits]") {
   Levels left(20, 0.0), right(20, 1.0);
   std::fill_n(left.begin(), 10, 1.0);
@@ -109,13 +161,13 @@ TEST_CASE("single lights one after another are harmless at any rate, on the smal
 
 TEST_CASE("a slow fade is no flash, a quick one is one", "[limits]") {
   std::vector<LightsAt> fade;
-  for (int i = 0; i <= 100; ++i) fade.push_back({i * 10 * kMillisecond, Levels(4, i / 100.0)});
+  for (int i = 0; i <= 100; ++i) fade.emplace_back(i * 10 * kMillisecond, Levels(4, i / 100.0));
   CHECK_FALSE(too_many(fade, 3 * kSecond));
   FlashMeter meter(1, {});
-  const std::pair<std::size_t, double> on[] = {{0, 1.0}};
+  const capture::LitLight on[] = {{0, {1, 1, 1}}};
   meter.show(0, on);
   meter.show(2 * kSecond, {});
-  CHECK(meter.most_in_a_second() == 1);
+  CHECK(meter.worst().in_a_second == 1);
 }
 
 TEST_CASE("what the meter foretells is what an eye sees, for lights at random", "[limits]") {
@@ -132,9 +184,15 @@ TEST_CASE("what the meter foretells is what an eye sees, for lights at random", 
         .strobe_from_hz = 1 + double(random() % 4), .strobe_share = draw(0.05, 0.4), .strobe_area = draw(0.1, 1)};
     std::vector<LightsAt> changes;
     for (Nanoseconds t = 0; t < 2 * kSecond; t += Nanoseconds(draw(0.2, 2) * mean_ms * 1e6) + 1) {
-      Levels levels(lights);
-      for (double& level : levels) level = random() % 3 == 0 ? 0 : draw(0, brightest);
-      changes.push_back({t, levels});
+      Colours levels(lights);
+      for (test::Colour& level : levels) {
+        if (random() % 3 == 0) continue;
+        level.fill(draw(0, brightest));
+        // White, one colour, or any.
+        if (i % 3 == 1) level[random() % 3] = level[random() % 3] = 0;
+        if (i % 3 == 2) level = {draw(0, brightest), draw(0, brightest) * draw(0, 1), draw(0, brightest) * draw(0, 1)};
+      }
+      changes.emplace_back(t, levels);
     }
     const test::SlowEye eye(limits.strobe_to_hz, limits.strobe_share);
     const auto expected = eye.too_many(changes, 2 * kSecond, std::size_t(limits.strobe_from_hz), limits.strobe_area);

@@ -143,7 +143,7 @@ TEST_CASE_METHOD(Pass, "lights beside a blink are taken again, and nothing that 
   CHECK(first["lost_lights"] == std::vector<int>{12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23});
   CHECK(run_program(store, {"capture", "--retake", "--resume", "--name", "head"}).status == 2);
   CHECK(run_program(store, {"capture", "--retake", "--name", "head", "--tracking-every", "3"}).status == 2);
-  const auto retaken = succeed(store, {"capture", "--retake", "--name", "head"});
+  const auto retaken = succeed(store, {"capture", "--retake", "--name", "head", "--i-know"});
   CHECK(retaken["taken_again"] == 12);
   CHECK(retaken["stored"] == 15);  // with a tracking frame before every sixth and one at the end
   {
@@ -183,7 +183,7 @@ TEST_CASE_METHOD(Pass, "a retake that was broken off leaves the scan as usable a
     // What a process that was killed after the first two frames leaves behind.
     db::Store opened = db::Store::open(store);
     const db::Scan scan = opened.scan("head");
-    succeed(store, {"capture", "--retake", "--name", "head"});
+    succeed(store, {"capture", "--retake", "--name", "head", "--i-know"});
     SQLite::Database((store / "store.sqlite").string(), SQLite::OPEN_READWRITE)
         .exec("DELETE FROM frames WHERE step_index >= " + std::to_string(scan.steps.size() + 2));
   }

@@ -101,3 +101,20 @@ TEST_CASE("lights-off names the controllers that may still be lit") {
   CHECK(missing.err.find("controller dome") != std::string::npos);
   CHECK(run_program(folder / "store", {"lights-off"}).status == 2);
 }
+
+TEST_CASE("seeds that do not fit are refused and not taken for others") {
+  const test::TemporaryFolder folder;
+  for (const char* seed : {"99999999999999999999", "18446744073709551616", "-1", "1.5", "seven", ""}) {
+    CAPTURE(seed);
+    for (const char* option : {"--procedural", "--seed"}) {
+      const test::Outcome refused =
+          test::run_program(folder / "store", {"capture", "--sim", option, seed, "--name", "head"});
+      CHECK(refused.status == 2);
+      CHECK_THAT(refused.err, Catch::Contains(option));
+    }
+  }
+  // The largest one that there is gets further.
+  CHECK(test::run_program(folder / "store", {"capture", "--sim", "--procedural", "18446744073709551615", "--stage",
+                                             (folder / "none.toml").string(), "--name", "head"})
+            .status != 2);
+}

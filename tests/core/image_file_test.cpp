@@ -270,6 +270,16 @@ TEST_CASE("images that a format cannot hold are refused before anything is writt
   CHECK(test::says(message, "none/a.exr", "no folder"));
 }
 
+TEST_CASE("a flipped bit in a PNG file is told of by us, before libpng meets it") {
+  const test::TemporaryFolder folder;
+  core::write_image(folder / "a.png", noise(40, 40, 3));
+  std::string bytes = core::read_text_file(folder / "a.png");
+  bytes[bytes.size() / 2] = char(bytes[bytes.size() / 2] ^ 16);
+  core::write_file_atomically(folder / "b.png", bytes);
+  const std::string message = test::failure_of<core::BadInput>([&] { core::read_image(folder / "b.png"); });
+  CHECK(test::says(message, "b.png", "does not match its checksum"));
+}
+
 TEST_CASE("a full disk is noticed in every format, and the old picture stays") {
   const test::TemporaryFolder folder;
   const Image old = noise(2, 2, 3), image = noise(100, 100, 3, 2);

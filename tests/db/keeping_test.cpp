@@ -1,6 +1,8 @@
 // Backups, restoring, repair, removing what nothing refers to, and verification in parts.
 #include <SQLiteCpp/SQLiteCpp.h>
+#include <atomic>
 #include <catch2/catch.hpp>
+#include <csignal>
 #include <thread>
 
 #include "core/error.h"
@@ -90,6 +92,17 @@ TEST_CASE_METHOD(Fixture, "models that the store keeps are backed up too") {
   test::write_text(folder / "store/models/a.safetensors", "second model");
   store.back_up(folder / "backup");
   CHECK(test::read_text(folder / "backup/models/a.safetensors") == "second model");
+}
+
+TEST_CASE_METHOD(Fixture, "models are not written through links that lie in a backup") {
+  fs::create_directory(folder / "store/models");
+  test::write_text(folder / "store/models/a.safetensors", "a model");
+  store.back_up(folder / "backup");
+  test::write_text(folder / "thesis.txt", "mine");
+  fs::remove(folder / "backup/models/a.safetensors");
+  fs::create_symlink(folder / "thesis.txt", folder / "backup/models/a.safetensors");
+  CHECK_THAT(message_of([&] { store.back_up(folder / "backup"); }), Contains("leads out of the folder"));
+  CHECK(test::read_text(folder / "thesis.txt") == "mine");
 }
 
 TEST_CASE_METHOD(Fixture, "a backup does not go into the store itself nor into another one") {
@@ -300,24 +313,83 @@ TEST_CASE_METHOD(Fixture, "single scans are verified by themselves") {
   CHECK_THROWS_AS(store.verify({.scans = {"nobody"}}), core::UsageError);
 }
 
-TEST_CASE_METHOD(Fixture, "a verification goes on after the scans that were done") {
-  add_pass(store, "second");
-  flip_a_bit(object_of(5));
+namespace {
+
+// What verify.json holds when a verification of everything is interrupted by Ctrl-C after its first scan.
+std::string interrupted_verification(const fs::path& folder) {
+  auto guard = std::make_unique<core::InterruptGuard>();
+  const db::Store store = db::Store::open(folder);
+  std::atomic<bool> done = false;
+  std::thread user([&] {
+    while (!done && !fs::exists(folder / "verify.json")) std::this_thread::sleep_for(std::chrono::microseconds(50));
+    std::raise(SIGINT);
+  });
+  // Nothing where it was quicker.
+  std::string state;
+  try {
+    store.verify();
+  } catch (const core::Interrupted&) {
+    if (fs::exists(folder / "verify.json")) state = test::read_text(folder / "verify.json");
+  }
+  done = true;
+  user.join();
+  guard.reset();
+  guard = std::make_unique<core::InterruptGuard>();  // forgets the signal
+  return state;
+}
+
+}  // namespace
+
+TEST_CASE_METHOD(Fixture, "a verification goes on after the scans that were found sound") {
+  for (const char* name : {"second", "third", "fourth", "fifth"}) add_pass(store, name);
+  flip_a_bit(object_of(5));  // of the first
   const db::VerifyReport whole = store.verify();
   REQUIRE(whole.errors.size() == 1);
-  // As an interruption after the first scan leaves it.
-  test::write_text(folder / "store/verify.json", "{\"scans_done\": [" + std::to_string(store.scan("head").id) +
-                                                     "], \"frames\": 6, \"errors\": [\"" + whole.errors[0] + "\"]}");
-  const db::VerifyReport resumed = store.verify({.resume = true});
-  CHECK(resumed.scans_done_before == 1);
-  CHECK(resumed.errors == whole.errors);
+  std::string state;
+  while (state.empty()) state = interrupted_verification(folder / "store");
+  const auto resume_from = [&](const std::string& text) {
+    test::write_text(folder / "store/verify.json", text);
+    const db::VerifyReport resumed = store.verify({.resume = true});
+    CHECK_FALSE(fs::exists(folder / "store/verify.json"));
+    return resumed;
+  };
+  db::VerifyReport resumed = resume_from(state);
+  CHECK(resumed.scans_done_before >= 1);
+  CHECK(resumed.errors == whole.errors);  // found anew
   CHECK(resumed.frames == whole.frames);
   CHECK(resumed.objects == whole.objects);
   CHECK(resumed.notes == whole.notes);
-  CHECK_FALSE(fs::exists(folder / "store/verify.json"));
-  // A damaged note of the interruption, or none, only means to start anew.
-  test::write_text(folder / "store/verify.json", "{\"scans_done\": [1");
-  CHECK(store.verify({.resume = true}).scans_done_before == 0);
+
+  // What a lie describes is read.
+  std::string lie = state;
+  lie.replace(lie.find("contents\": \"") + 12, 4, "ffff");
+  CHECK(resume_from(lie).scans_done_before == resumed.scans_done_before - 1);
+
+  // What has come to a sound scan since was not read.
+  const std::size_t done = resumed.scans_done_before;
+  db::NewProduct mask;
+  mask.kind = "mask";
+  mask.scan_id = store.scan("second").id;
+  const db::ContentHash object = store.put_object(test::half_pattern(9, 7, 1, 77));
+  mask.images = {{"mask", 0, object, 0}};
+  store.add_product(mask);
+  flip_a_bit(store.object_path(object));
+  resumed = resume_from(state);
+  CHECK(resumed.scans_done_before == done - 1);
+  REQUIRE(resumed.errors.size() == 2);
+  CHECK_THAT(resumed.errors[1], Contains("image 'mask' 0: object " + object.hex() + " is damaged"));
+
+  // A state of another store, a damaged one and one of an earlier program only mean to start anew.
+  std::string other = state;
+  other.replace(other.find("store\": \"") + 9, 4, "0000");
+  CHECK(resume_from(other).scans_done_before == 0);
+  for (const char* text : {"{\"scans_done\": [1], \"frames\": 18446744073709551615, \"errors\": [\"a\\nb\"]}",
+                           "{\"store\": \"", "[]", "{\"store\": \"x\", \"sound\": [{\"scan\": 1}]}"}) {
+    resumed = resume_from(text);
+    CHECK(resumed.scans_done_before == 0);
+    CHECK(resumed.frames == whole.frames);
+    CHECK(resumed.errors.size() == 2);
+  }
 }
 
 TEST_CASE_METHOD(Fixture, "every owner of a damaged object is named") {

@@ -35,7 +35,7 @@ class Host {
   explicit Host(std::uint64_t seed)
       : random_(seed),
         firmware_(limited(seed), [this](Nanoseconds time, std::span<const OutputLevel> lit) { note(time, lit); }) {
-    changes_.push_back({0, std::vector<double>(kOutputs, 0.0)});
+    changes_.emplace_back(0, std::vector<double>(kOutputs, 0.0));
   }
 
   void run(int commands) {
@@ -122,8 +122,7 @@ class Host {
   void note(Nanoseconds time, std::span<const OutputLevel> lit) {
     REQUIRE(time >= changes_.back().time);
     LightsAt change{time, std::vector<double>(kOutputs, 0.0)};
-    for (const OutputLevel& l : lit)
-      change.levels[l.output] = (double(l.r) + double(l.g) + double(l.b)) / (3 * 65535.0);
+    for (const OutputLevel& l : lit) change.levels[l.output] = {l.r / 65535.0, l.g / 65535.0, l.b / 65535.0};
     changes_.push_back(std::move(change));
     for (std::uint32_t bit = 0; lit.empty() && bit < 8; ++bit) faults_[1u << bit] += (firmware_.faults() >> bit) & 1u;
   }
@@ -137,11 +136,15 @@ class Host {
   std::uint32_t sequence_ = 0;
 };
 
+bool is_dark(const test::Colour& colour) {
+  return colour == test::Colour{};
+}
+
 // When the output was on.
 std::vector<std::pair<Nanoseconds, Nanoseconds>> on_times(const Host& host, std::size_t output) {
   std::vector<std::pair<Nanoseconds, Nanoseconds>> times;
   for (std::size_t i = 0; i < host.changes().size(); ++i) {
-    if (host.changes()[i].levels[output] <= 0) continue;
+    if (is_dark(host.changes()[i].levels[output])) continue;
     const Nanoseconds begin = host.changes()[i].time,
                       end = i + 1 < host.changes().size() ? host.changes()[i + 1].time : host.end();
     if (!times.empty() && times.back().second == begin) {
@@ -178,7 +181,7 @@ TEST_CASE("no host makes a controller exceed its limits of heat, flashing and si
     // Lit only while the host was heard of in the last 500 ms.
     for (std::size_t i = 0; i < host.changes().size(); ++i) {
       const LightsAt& change = host.changes()[i];
-      if (std::all_of(change.levels.begin(), change.levels.end(), [](double level) { return level <= 0; })) continue;
+      if (std::all_of(change.levels.begin(), change.levels.end(), is_dark)) continue;
       const Nanoseconds off = i + 1 < host.changes().size() ? host.changes()[i + 1].time : host.end();
       const auto after = std::lower_bound(host.heard().begin(), host.heard().end(), off);
       REQUIRE(after != host.heard().begin());
@@ -187,18 +190,40 @@ TEST_CASE("no host makes a controller exceed its limits of heat, flashing and si
     // The lights never stay as they are for longer than an onlooker stands it.
     FlashMeter onlooker(kOutputs, *limits.flashing);
     for (std::size_t i = 0; i < host.changes().size(); ++i) {
-      std::vector<std::pair<std::size_t, double>> lit;
-      for (std::size_t l = 0; l < kOutputs; ++l) lit.emplace_back(l, host.changes()[i].levels[l]);
+      std::vector<LitLight> lit;
+      for (std::size_t l = 0; l < kOutputs; ++l) lit.push_back({l, host.changes()[i].levels[l]});
       onlooker.show(host.changes()[i].time, lit);
       const auto too_many = onlooker.too_many();
       REQUIRE((!too_many || *too_many >= (i + 1 < host.changes().size() ? host.changes()[i + 1].time : host.end())));
     }
-    REQUIRE(onlooker.most_in_a_second() <= 4);  // the fourth is cut off as it begins
+    REQUIRE(onlooker.worst().in_a_second <= 4);  // the fourth is cut off as it begins
+    REQUIRE(onlooker.worst_small().in_a_second <= 10);
   }
   // They did try.
   for (const std::uint32_t fault : {kFaultHostSilent, kFaultOnTime, kFaultDuty, kFaultFlashing}) {
     CAPTURE(fault);
     CHECK(faults[fault] > 5);
+  }
+}
+
+TEST_CASE("a controller lets no colour flash by itself that it would not let flash in white", "[led-firmware]") {
+  for (int colour = 0; colour < 3; ++colour) {
+    sim::LedFirmwareOptions options;
+    options.identity.outputs = kOutputs;
+    options.identity.duty_per_mille = 1000;
+    options.flashing.emplace();
+    sim::LedFirmware firmware(options, [](Nanoseconds, std::span<const OutputLevel>) {});
+    OutputPattern one, another;
+    for (std::uint16_t i = 0; i < kOutputs; ++i) {
+      const auto level = [&](int c) { return std::uint16_t(c % 3 == colour ? 65535 : 0); };
+      one.push_back({i, level(0), level(1), level(2)});
+      another.push_back({i, level(1), level(2), level(0)});
+    }
+    std::uint32_t sequence = 0;
+    for (int i = 0; i < 20 && firmware.faults() == 0; ++i) {
+      firmware.receive(encode(Show{i % 2 == 0 ? one : another}, ++sequence), i * 40 * kMillisecond);
+    }
+    CHECK(firmware.faults() == kFaultFlashing);
   }
 }
 
