@@ -57,7 +57,8 @@ bool only_incomplete(const std::string& error) {
   return error.find("the frame is missing") != std::string::npos;
 }
 
-std::optional<std::string> first_difference(const std::vector<std::string>& is, const std::vector<std::string>& should) {
+std::optional<std::string> first_difference(const std::vector<std::string>& is,
+                                            const std::vector<std::string>& should) {
   for (std::size_t i = 0; i < std::max(is.size(), should.size()); ++i) {
     const std::string a = i < is.size() ? is[i] : "nothing", b = i < should.size() ? should[i] : "nothing";
     if (a != b) return a + " in place of " + b;
@@ -99,7 +100,8 @@ class Harness {
     core::Progress progress(scenario.name, points);
     const std::vector<Change> record = read_record(record_file);
     for (std::size_t i = 0; i < points; ++i, progress.advance()) {
-      results.push_back(break_one(base, record, (first + i) % 10, {calls, writes, maps, allocations, sqlite_allocations}));
+      results.push_back(
+          break_one(base, record, (first + i) % 10, {calls, writes, maps, allocations, sqlite_allocations}));
     }
     return results;
   }
@@ -277,12 +279,8 @@ int run(int argc, char** argv) {
     }
     by_scenario[chosen[i]->name] = {{"injected", tally.injected}, {"survived", tally.survived}, {"lost", tally.lost}};
   }
-  std::cout << ordered_json{{"injected", all.injected},
-                            {"survived", all.survived},
-                            {"lost", all.lost},
-                            {"store_clean", all.unclean == 0},
-                            {"faults", by_fault},
-                            {"scenarios", by_scenario}}
+  std::cout << ordered_json{{"injected", all.injected},        {"survived", all.survived}, {"lost", all.lost},
+                            {"store_clean", all.unclean == 0}, {"faults", by_fault},       {"scenarios", by_scenario}}
                    .dump()
             << std::endl;
   return all.survived == all.injected ? 0 : 1;

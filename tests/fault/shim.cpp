@@ -80,9 +80,10 @@ class Fault {
     active_ = true;
   }
   void finish() {
-    const char* file = std::getenv("LIGHTSTAGE_FAULT_COUNT");
-    if (!active_ || file == nullptr) return;
+    if (!active_) return;
     active_ = false;
+    const char* file = std::getenv("LIGHTSTAGE_FAULT_COUNT");
+    if (file == nullptr) return;
     char text[128];
     const int length = std::snprintf(text, sizeof text, "%ld %ld %ld %ld %ld\n", calls_.load(), writes_, maps_.load(),
                                      allocations_.load(), sqlite_allocations_.load());
@@ -158,7 +159,9 @@ class Fault {
   std::mutex mutex;  // changes happen, and are noted, one after the other
 
  private:
-  bool fails(Mode mode, std::atomic<long>& count) { return active_ && own_calls == 0 && calls_ > 0 && ++count == at_ && mode_ == mode; }
+  bool fails(Mode mode, std::atomic<long>& count) {
+    return active_ && own_calls == 0 && calls_ > 0 && ++count == at_ && mode_ == mode;
+  }
 
   bool active_ = false;
   Mode mode_ = Mode::kCount;
@@ -205,9 +208,17 @@ Fault& fault() {
   return *instance;
 }
 
-// At the end of the program, after all other destructors of static objects that write.
 __attribute__((destructor)) void finish() {
   if (Fault* instance = ready) instance->finish();
+}
+
+// What libraries do after it is none of the program's work: DCMTK ends it by a signal where memory is short in its exit handlers.
+using Main = int (*)(int, char**, char**);
+Main own_main = nullptr;
+int main_and_no_more(int argc, char** argv, char** environment) {
+  const int status = own_main(argc, argv, environment);
+  finish();
+  return status;
 }
 
 int failed(int error) {
@@ -391,6 +402,13 @@ int remove(const char* path) {
   const Own own;
   static const auto next = real<int (*)(const char*)>("remove");
   return checked_change(RecordKind::kRemove, fault().absolute(path), {}, false, [&] { return next(path); });
+}
+
+int __libc_start_main(Main main, int argc, char** argv, void (*begin)(), void (*end)(), void (*end_of_linker)(),
+                      void* stack_end) {
+  static const auto next = real<decltype(&__libc_start_main)>("__libc_start_main");
+  own_main = main;
+  return next(main_and_no_more, argc, argv, begin, end, end_of_linker, stack_end);
 }
 
 int mkdir(const char* path, mode_t mode) {
