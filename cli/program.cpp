@@ -157,8 +157,7 @@ int run(const std::vector<std::string>& arguments, std::ostream& out) {
               << core::printable(error.what()) << "\n";
     return core::exit_code(core::ErrorKind::kStore);
   } catch (const std::bad_alloc&) {
-    std::cerr
-        << "lightstage: out of memory; what this command had not finished is left as it was or can be gone on with\n";
+    std::cerr << kOutOfMemory;
     return core::exit_code(core::ErrorKind::kInternal);
   } catch (const std::exception& error) {
     std::cerr << "lightstage: internal error: " << core::printable(error.what()) << "\n";

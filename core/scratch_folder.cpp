@@ -18,8 +18,10 @@ ScratchFolder::ScratchFolder(const std::filesystem::path& parent) {
 }
 
 ScratchFolder::~ScratchFolder() {
-  std::error_code ignored;
-  std::filesystem::remove_all(path_, ignored);
+  try {
+    std::filesystem::remove_all(path_);  // with an error_code it would end the program where memory is short
+  } catch (const std::exception&) {
+  }
 }
 
 }  // namespace lightstage::core

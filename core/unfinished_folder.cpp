@@ -20,8 +20,11 @@ UnfinishedFolder::UnfinishedFolder(const fs::path& target)
 }
 
 UnfinishedFolder::~UnfinishedFolder() {
-  std::error_code ignored;
-  if (!finished_) fs::remove_all(path_, ignored);
+  if (finished_) return;
+  try {
+    fs::remove_all(path_);  // with an error_code it would end the program where memory is short
+  } catch (const std::exception&) {
+  }
 }
 
 void UnfinishedFolder::finish() {

@@ -38,9 +38,13 @@ BadInput failure(const fs::path& path, const std::string& problem) {
   return BadInput(path.string() + ": " + problem);
 }
 
-// What the library says of a failure, as the end of a one-line message; it may say nothing.
-std::string detail(const OIIO::ImageInput& input) {
+// What the library says of a failure, as the end of a one-line message; it may say nothing. Lack of memory is no fault of the file: an import that leaves out
+// damaged files must end by it.
+std::string detail(const fs::path& path, const OIIO::ImageInput& input) {
   std::string text = input.geterror();
+  if (text.find("bad_alloc") != std::string::npos) {
+    throw Error(ErrorKind::kInternal, path.string() + ": there is not enough memory to read it");
+  }
   std::replace(text.begin(), text.end(), '\n', ' ');
   const std::string_view trimmed = trim(text);
   return trimmed.empty() ? std::string() : ": " + std::string(trimmed);
@@ -162,7 +166,7 @@ OpenImage open_image(const fs::path& path, std::size_t max_values) {
   OIIO::ImageSpec wishes;
   wishes.attribute("oiio:UnassociatedAlpha", 1);  // colours as stored, not multiplied by alpha
   if (!open.input->open(path.string(), open.spec, wishes))
-    throw failure(path, "cannot be read as an image of this format" + detail(*open.input));
+    throw failure(path, "cannot be read as an image of this format" + detail(path, *open.input));
   check_spec(path, open.spec, max_values);
   open.size = {open.spec.height, open.spec.width, open.spec.nchannels};
   return open;
@@ -190,8 +194,8 @@ Image read_image(const fs::path& path, const ReadOptions& options) {
   OpenImage open = open_image(path, options.max_values);
   Image image(open.size);
   if (!open.input->read_image(0, 0, 0, open.size.channels, OIIO::TypeDesc::FLOAT, image.values().data()))
-    throw failure(path, "is damaged or cut short" + detail(*open.input));
-  if (open.input->has_error()) throw failure(path, "is damaged" + detail(*open.input));
+    throw failure(path, "is damaged or cut short" + detail(path, *open.input));
+  if (open.input->has_error()) throw failure(path, "is damaged" + detail(path, *open.input));
   require_finite(image, path.string());
 
   const bool srgb =
