@@ -44,9 +44,9 @@ FlashMeter::Rule FlashMeter::rule(std::size_t signal) const {
           most_ * (small ? kSmallTimes : 1)};
 }
 
-void FlashMeter::set(Source& source, const std::array<double, 3>& rgb) {
+void FlashMeter::set(Source& source, std::span<const double> levels) {
   std::vector<Signal>& signals = source.signals;
-  const bool white = rgb[0] == rgb[1] && rgb[1] == rgb[2];
+  const bool white = levels[0] == levels[1] && levels[1] == levels[2];
   if (!white && signals.size() == kSizes) {
     // Until now all views have been one, but for that of red, which was dark.
     for (std::size_t i = kSizes; i < kViews * kSizes; ++i) {
@@ -54,7 +54,6 @@ void FlashMeter::set(Source& source, const std::array<double, 3>& rgb) {
       signals.push_back(std::move(same));
     }
   }
-  const std::array<double, kViews> levels = views(rgb);
   for (std::size_t i = 0; i < signals.size(); ++i) signals[i].level = levels[i / kSizes];
 }
 
@@ -115,8 +114,8 @@ void FlashMeter::show(core::Nanoseconds now, std::span<const LitLight> lit) {
     for (Signal& signal : light.signals) signal.level = 0;
   }
   for (const LitLight& light : lit) {
-    set(lights_[light.light], light.rgb);
     const std::array<double, kViews> levels = views(light.rgb);
+    set(lights_[light.light], levels);
     for (std::size_t v = 0; v < kViews; ++v) sum[v] += levels[v] / double(lights_.size());
   }
   for (std::size_t i = 0; i < all_.signals.size(); ++i) all_.signals[i].level = sum[i / kSizes];

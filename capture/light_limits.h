@@ -80,7 +80,7 @@ class FlashMeter {
     std::size_t most = 0;  // in a second
   };
   Rule rule(std::size_t signal) const;
-  static void set(Source& source, const std::array<double, 3>& rgb);
+  static void set(Source& source, std::span<const double> levels);
   std::optional<core::Nanoseconds> next_flash(const Signal& signal, const Rule& rule) const;
   void advance(Signal& signal, const Rule& rule, core::Nanoseconds to, double decay) const;
   // Whether a flash at this time would be one too many, and until when it counts as that.

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 
 #include "core/error.h"
+#include "core/remove_folder.h"
 
 namespace lightstage::core {
 
@@ -18,10 +19,7 @@ ScratchFolder::ScratchFolder(const std::filesystem::path& parent) {
 }
 
 ScratchFolder::~ScratchFolder() {
-  try {
-    std::filesystem::remove_all(path_);  // with an error_code it would end the program where memory is short
-  } catch (const std::exception&) {
-  }
+  remove_folder_quietly(path_);
 }
 
 }  // namespace lightstage::core

@@ -75,6 +75,12 @@ std::string number_text(double value, int significant_digits) {
   return error == std::errc() ? std::string(buffer, end) : std::to_string(value);
 }
 
+std::string counted(std::size_t count, std::string_view thing, std::string_view things) {
+  std::string text = std::to_string(count) + " ";
+  if (count == 1) return text.append(thing);
+  return things.empty() ? text.append(thing) + "s" : text.append(things);
+}
+
 std::optional<std::string> nearest_name(std::string_view name, std::span<const std::string> candidates) {
   constexpr std::size_t kLongestName = 200;  // the table of distances is quadratic
   if (name.size() > kLongestName) return std::nullopt;

@@ -1,6 +1,7 @@
 // Small text: trimming, lists, numbers that do not depend on the locale, and the name a user probably meant.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -26,6 +27,9 @@ std::optional<std::int64_t> parse_integer(std::string_view text);
 
 // The value with the given number of significant digits, in the shortest of plain and scientific notation.
 std::string number_text(double value, int significant_digits = 9);
+
+// "1 frame", "2 frames": the thing, or the things (the thing and an s, where they are not named), with their number.
+std::string counted(std::size_t count, std::string_view thing, std::string_view things = {});
 
 // The candidate nearest to a misspelt name by edit distance; nothing when none is within a third of the
 // name's length (at least 1). The earliest wins a tie.

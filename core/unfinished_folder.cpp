@@ -1,6 +1,7 @@
 #include "core/unfinished_folder.h"
 
 #include "core/error.h"
+#include "core/remove_folder.h"
 
 namespace lightstage::core {
 
@@ -20,11 +21,7 @@ UnfinishedFolder::UnfinishedFolder(const fs::path& target)
 }
 
 UnfinishedFolder::~UnfinishedFolder() {
-  if (finished_) return;
-  try {
-    fs::remove_all(path_);  // with an error_code it would end the program where memory is short
-  } catch (const std::exception&) {
-  }
+  if (!finished_) remove_folder_quietly(path_);
 }
 
 void UnfinishedFolder::finish() {

@@ -5,6 +5,7 @@
 
 #include "cli/format.h"
 #include "cli/report/plot.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -131,10 +132,6 @@ RowsReport rows_report(const Cells& head, const std::vector<Row>& rows) {
   return report;
 }
 
-std::string counted(int n, const std::string& thing) {
-  return std::to_string(n) + " " + thing + (n == 1 ? "" : "s");
-}
-
 // Adds the point to the series of that name, which is made where there is none yet.
 void add_point(PlotPanel& panel, const std::string& series, bool line, PlotPoint point) {
   for (PlotSeries& known : panel.series) {
@@ -194,7 +191,8 @@ std::string frontier_plot(const std::vector<CalibRow>& lights, const std::vector
       add_point(sizes, name, false, {row.seconds, row.median_degrees, std::to_string(row.ball_px) + " px"});
     }
     if (k.method == usual.method && usual_clipping && usual_size) {
-      const std::string seen = counted(k.balls, "ball") + ", " + counted(k.cameras, "camera");
+      const std::string seen =
+          core::counted(std::size_t(k.balls), "ball") + ", " + core::counted(std::size_t(k.cameras), "camera");
       add_point(views, seen, false, {row.seconds, row.median_degrees, seen});
       add_point(places, seen, false, {row.seconds, 1000 * row.median_m, seen});
     }
@@ -202,14 +200,14 @@ std::string frontier_plot(const std::vector<CalibRow>& lights, const std::vector
   PlotPanel merged{"exposures merged", {"exposure time, shortest = 1", true}, {"noise over 14 stops, %", true}, {}};
   for (const BracketRow& row : brackets) {
     if (row.knobs.read_noise_share != BracketKnobs().read_noise_share) continue;
-    add_point(merged, counted(int(std::lround(row.knobs.stops_between)), "stop") + " between", true,
-              {row.seconds, row.noise_percent, counted(row.knobs.exposures, "exposure")});
+    add_point(merged, core::counted(std::size_t(std::lround(row.knobs.stops_between)), "stop") + " between", true,
+              {row.seconds, row.noise_percent, core::counted(std::size_t(row.knobs.exposures), "exposure")});
   }
   PlotPanel rigs{"cameras from boards", {"seconds for all views", true}, {"undistorted, px (rms)", true}, {}};
   for (const BoardBenchRow& row : boards) {
     const bool usual_terms = row.distortion == boards.front().distortion;
     add_point(rigs, row.corners + (usual_terms ? "" : ", other distortion"), false,
-              {row.seconds, row.undistorted_px, counted(row.views, "view") + ", " + row.distortion});
+              {row.seconds, row.undistorted_px, core::counted(std::size_t(row.views), "view") + ", " + row.distortion});
   }
   return svg_plots({methods, sizes, views, places, merged, rigs}, 2);
 }

@@ -1,5 +1,6 @@
 #include <OpenImageIO/imageio.h>
 #include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <bit>
@@ -8,6 +9,7 @@
 #include <fstream>
 #include <system_error>
 
+#include "core/big_endian.h"
 #include "core/display.h"
 #include "core/error.h"
 #include "core/image_file.h"
@@ -77,26 +79,6 @@ void check_spec(const fs::path& path, const OIIO::ImageSpec& spec, std::size_t m
     throw failure(path, claim + ", which a file of " + std::to_string(bytes) + " bytes cannot hold");
 }
 
-// The checksum of PNG's chunks (ISO/IEC 15948, annex D), of bytes that follow those it has seen.
-class PngChecksum {
- public:
-  void add(std::span<const unsigned char> bytes) {
-    static const std::array<std::uint32_t, 256> table = [] {
-      std::array<std::uint32_t, 256> made{};
-      for (std::uint32_t i = 0; i < made.size(); ++i) {
-        made[i] = i;
-        for (int bit = 0; bit < 8; ++bit) made[i] = (made[i] & 1u) != 0 ? 0xedb88320u ^ made[i] >> 1 : made[i] >> 1;
-      }
-      return made;
-    }();
-    for (const unsigned char byte : bytes) state_ = table[(state_ ^ byte) & 0xff] ^ state_ >> 8;
-  }
-  std::uint32_t value() const { return ~state_; }
-
- private:
-  std::uint32_t state_ = 0xffffffff;
-};
-
 // Follows the chunks of a PNG file to its end chunk (ISO/IEC 15948, clause 5.3) and compares the checksums of those that a picture needs, because libpng prints to
 // stderr when it meets the end of the file too early or a checksum that does not match. Damage that keeps its checksum is left to libpng.
 void check_png_is_whole(const fs::path& path) {
@@ -115,25 +97,21 @@ void check_png_is_whole(const fs::path& path) {
   std::array<unsigned char, 65536> data{};
   for (std::uintmax_t at = 8;;) {
     if (!read_head()) throw cut_short();
-    const std::uintmax_t length = std::uintmax_t(head[0]) << 24 | std::uintmax_t(head[1]) << 16 |
-                                  std::uintmax_t(head[2]) << 8 | std::uintmax_t(head[3]);
+    const std::uintmax_t length = big_endian_32(head);
     at += 12 + length;  // length, type, data, checksum
     if (at > size) throw cut_short();
     if (std::equal(head.begin() + 4, head.end(), "IEND")) return;
     if (std::isupper(head[4]) != 0) {
-      PngChecksum sum;
-      sum.add(std::span(head).last(4));
+      uLong sum = ::crc32(0, head.data() + 4, 4);
       for (std::uintmax_t left = length; left > 0;) {
         const std::size_t count = std::size_t(std::min<std::uintmax_t>(left, data.size()));
         if (!file.read(reinterpret_cast<char*>(data.data()), std::streamsize(count))) throw cut_short();
-        sum.add(std::span(data).first(count));
+        sum = ::crc32(sum, data.data(), uInt(count));
         left -= count;
       }
       std::array<unsigned char, 4> said{};
       if (!file.read(reinterpret_cast<char*>(said.data()), said.size())) throw cut_short();
-      const std::uint32_t expected = std::uint32_t(said[0]) << 24 | std::uint32_t(said[1]) << 16 |
-                                     std::uint32_t(said[2]) << 8 | std::uint32_t(said[3]);
-      if (sum.value() != expected) {
+      if (sum != big_endian_32(said)) {
         throw failure(path,
                       "is damaged: the chunk that ends at byte " + std::to_string(at) + " does not match its checksum");
       }

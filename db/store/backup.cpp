@@ -53,11 +53,6 @@ void require_apart(const fs::path& copy, const fs::path& store) {
   }
 }
 
-bool has_catalogue(const fs::path& folder) {
-  std::error_code none;
-  return fs::exists(catalogue_path(folder), none) && !fs::is_empty(catalogue_path(folder), none);
-}
-
 std::vector<OwnedObject> all_objects(SQLite::Database& database) {
   std::vector<OwnedObject> objects = objects_of_no_scan(database);
   SQLite::Statement scan(database, "SELECT id FROM scans ORDER BY id");

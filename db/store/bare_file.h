@@ -1,6 +1,7 @@
 // The bytes of a catalogue's files, past the database.
 #pragma once
 
+#include <chrono>
 #include <cstddef>
 #include <filesystem>
 #include <memory>
@@ -26,6 +27,10 @@ class BareFile {
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// What others are writing may be there only in part, and no more a moment later: how often to look before it counts, and how long to wait in between.
+inline constexpr int kLooks = 20;
+inline constexpr std::chrono::milliseconds kBetweenLooks{10};
 
 // While one lives that is true, no connection has the catalogue open, of this process or another, and none can open it: each keeps a lock for as long as it is open.
 class NobodyElse {

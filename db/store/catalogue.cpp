@@ -12,6 +12,7 @@
 
 #include <sqlite3.h>
 
+#include "core/big_endian.h"
 #include "core/file.h"
 #include "core/file_lock.h"
 #include "core/scratch_folder.h"
@@ -40,10 +41,6 @@ struct Identity {
   int application_id = 0;
   int version = 0;
 };
-
-int big_endian(const unsigned char* bytes) {
-  return int(std::uint32_t(bytes[0]) << 24 | std::uint32_t(bytes[1]) << 16 | std::uint32_t(bytes[2]) << 8 | bytes[3]);
-}
 
 // The first page of the database as its write-ahead log has it; nothing when there is no log. SQLite itself reads the log,
 // but on a copy in another folder: opening the original would make a -shm file and, on closing, fold the log into the
@@ -78,7 +75,7 @@ std::optional<Identity> look_at(const fs::path& database) {
     return std::nullopt;
   }
   if (const auto identity = identity_with_log(database)) return identity;
-  return Identity{big_endian(header.data() + 68), big_endian(header.data() + 60)};
+  return Identity{int(core::big_endian_32(header, 68)), int(core::big_endian_32(header, 60))};
 }
 
 void refuse_newer(const fs::path& store_folder, int version) {
@@ -181,13 +178,25 @@ fs::path catalogue_path(const fs::path& store_folder) {
   return store_folder / "store.sqlite";
 }
 
+bool has_catalogue(const fs::path& store_folder) {
+  std::error_code none;
+  return fs::exists(catalogue_path(store_folder), none) && !fs::is_empty(catalogue_path(store_folder), none);
+}
+
+fs::path numbered(const fs::path& file, const char* suffix) {
+  std::error_code none;
+  for (int i = 1;; ++i) {
+    fs::path place = file.string() + suffix + std::to_string(i);
+    if (!fs::exists(place, none)) return place;
+  }
+}
+
 SQLite::Database create_catalogue(const fs::path& store_folder) {
   return explaining(store_folder, [&] {
     const fs::path path = catalogue_path(store_folder);
     // Of two that create at once, the second finds a store.
     const core::FileLock alone(store_folder);
-    std::error_code none;
-    if (fs::exists(path, none) && !fs::is_empty(path, none)) {
+    if (has_catalogue(store_folder)) {
       throw core::UsageError(store_folder.string() + ": there is a store already");
     }
     // An empty catalogue would know none of them, and `store gc` would remove them.

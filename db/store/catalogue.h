@@ -11,6 +11,8 @@
 namespace lightstage::db {
 
 std::filesystem::path catalogue_path(const std::filesystem::path& store_folder);
+// Whether there is one that holds anything, whatever it is: an empty file is none.
+bool has_catalogue(const std::filesystem::path& store_folder);
 
 // A new, empty catalogue. Throws UsageError when there is one already, or objects that it would not know.
 SQLite::Database create_catalogue(const std::filesystem::path& store_folder);
@@ -30,6 +32,8 @@ void throw_if_newer(const std::filesystem::path& store_folder);
 inline constexpr const char* kDamagedSuffix = ".damaged-";
 // store.sqlite.missing-1 and so on: the mark that a repair found no catalogue to put aside.
 inline constexpr const char* kMissingSuffix = ".missing-";
+// The first such name beside a file that is not taken.
+std::filesystem::path numbered(const std::filesystem::path& file, const char* suffix);
 
 // What a database error means for the user, with the store's path.
 core::StoreError explained(const SQLite::Exception& error, const std::filesystem::path& store_folder);

@@ -87,10 +87,6 @@ bool reading(const Work& work) {
   }
 }
 
-std::string counted(std::size_t count, const std::string& thing) {
-  return std::to_string(count) + " " + thing + (count == 1 ? "" : "s");
-}
-
 // --- copying
 
 // Scans and products of one catalogue that may go into another.
@@ -297,15 +293,15 @@ class Comparison {
       if (!scan.gone && scan.frames + scan.cameras + scan.steps == 0) continue;
       Columns parts;
       if (scan.frames > 0) {
-        parts.push_back(counted(scan.frames, "frame") +
+        parts.push_back(core::counted(scan.frames, "frame") +
                         (scan.gone ? "" : " from step " + std::to_string(scan.first_step) + " on"));
       }
-      if (!scan.gone && scan.cameras > 0) parts.push_back(counted(scan.cameras, "camera"));
-      if (!scan.gone && scan.steps > 0) parts.push_back(counted(scan.steps, "step"));
+      if (!scan.gone && scan.cameras > 0) parts.push_back(core::counted(scan.cameras, "camera"));
+      if (!scan.gone && scan.steps > 0) parts.push_back(core::counted(scan.steps, "step"));
       if (scan.gone) text += " as a whole";
       lines.push_back(text + (parts.empty() ? "" : ": " + core::joined(parts, ", ")));
     }
-    for (const auto& [what, count] : others_) lines.push_back(what + ": " + counted(count, "row"));
+    for (const auto& [what, count] : others_) lines.push_back(what + ": " + core::counted(count, "row"));
     for (const std::string& table : unreadable_) {
       lines.push_back("table " + table + ": rows that cannot be read, nor how many they are");
     }

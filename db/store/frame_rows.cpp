@@ -1,5 +1,6 @@
 // Store: frames.
 #include "core/error.h"
+#include "core/text.h"
 #include "db/store/impl.h"
 
 namespace lightstage::db {
@@ -31,8 +32,8 @@ std::vector<Frame> read_frames(const std::string& store_folder, SQLite::Statemen
 }
 
 std::string to_text(core::ImageSize size) {
-  return std::to_string(size.width) + "x" + std::to_string(size.height) + " with " + std::to_string(size.channels) +
-         (size.channels == 1 ? " channel" : " channels");
+  return std::to_string(size.width) + "x" + std::to_string(size.height) + " with " +
+         core::counted(std::size_t(size.channels), "channel");
 }
 
 }  // namespace

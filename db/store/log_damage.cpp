@@ -16,9 +16,12 @@
 #include <thread>
 #include <vector>
 
+#include "core/big_endian.h"
 #include "core/error.h"
 #include "core/file.h"
+#include "core/file_descriptor.h"
 #include "core/interrupt.h"
+#include "core/text.h"
 #include "db/store/bare_file.h"
 #include "db/store/catalogue.h"
 
@@ -29,17 +32,13 @@ namespace fs = std::filesystem;
 namespace {
 
 using Bytes = std::span<const unsigned char>;
+using core::big_endian_32;
 
 // Section 4.1 of the file format: eight big-endian words, the last two of which are the checksum of the others. Pages follow, each behind six words: its number, after a
 // transaction's last page the size of the database (else 0), both salts of the header, and the checksum of everything so far.
 constexpr std::size_t kHeader = 32, kPageHeader = 24;
 constexpr std::uint32_t kMagic = 0x377f0682;  // one more where sums go over big-endian words
 constexpr std::uint32_t kVersion = 3007000;
-
-std::uint32_t word(Bytes bytes, std::size_t at) {
-  return std::uint32_t(bytes[at]) << 24 | std::uint32_t(bytes[at + 1]) << 16 | std::uint32_t(bytes[at + 2]) << 8 |
-         bytes[at + 3];
-}
 
 // Section 4.2.
 struct Sum {
@@ -52,14 +51,14 @@ struct Sum {
   }
   void add(Bytes bytes, bool big_endian) {
     for (std::size_t i = 0; i + 8 <= bytes.size(); i += 8) {
-      const std::uint32_t x1 = word(bytes, i), x2 = word(bytes, i + 4);
+      const std::uint32_t x1 = big_endian_32(bytes, i), x2 = big_endian_32(bytes, i + 4);
       big_endian ? add(x1, x2) : add(__builtin_bswap32(x1), __builtin_bswap32(x2));
     }
   }
 };
 
 Sum sum_at(Bytes bytes, std::size_t at) {
-  return {word(bytes, at), word(bytes, at + 4)};
+  return {big_endian_32(bytes, at), big_endian_32(bytes, at + 4)};
 }
 
 struct Bit {
@@ -113,18 +112,18 @@ class Log {
       if (!read(number)) return std::nullopt;
       if (!follows(sum)) return behind(number, committed, sum);
       sum = sum_at(page_, 16);
-      if (word(page_, 4) != 0) committed = number;
+      if (big_endian_32(page_, 4) != 0) committed = number;
     }
   }
 
  private:
   bool take_header(Bytes header) {
     big_endian_ = (header[3] & 1) != 0;
-    const std::uint32_t size = word(header, 8);
+    const std::uint32_t size = big_endian_32(header, 8);
     Sum sum;
     sum.add(header.first(24), big_endian_);
-    if ((word(header, 0) & ~1u) != kMagic || word(header, 4) != kVersion || size < 512 || size > 65536 ||
-        !std::has_single_bit(size) || sum != sum_at(header, 24))
+    if ((big_endian_32(header, 0) & ~1u) != kMagic || big_endian_32(header, 4) != kVersion || size < 512 ||
+        size > 65536 || !std::has_single_bit(size) || sum != sum_at(header, 24))
       return false;
     salts_ = sum_at(header, 16);
     page_.resize(kPageHeader + size);
@@ -143,7 +142,7 @@ class Log {
     sum.add(Bytes(page_).subspan(kPageHeader), big_endian_);
     return sum;
   }
-  bool has_salts() const { return sum_at(page_, 8) == salts_ && word(page_, 0) != 0; }
+  bool has_salts() const { return sum_at(page_, 8) == salts_ && big_endian_32(page_, 0) != 0; }
   bool follows(const Sum& before) const { return has_salts() && sum_after(before) == sum_at(page_, 16); }
 
   // A header is written and synced before the pages behind it: it is never torn, and what cannot be read of it was there.
@@ -181,7 +180,7 @@ class Log {
     Damage damage{number, offset(committed + 1), 0, false, std::nullopt};
     explain(damage, before);
     if (!read(number)) return std::nullopt;
-    const bool ends_transaction = has_salts() && word(page_, 4) != 0;
+    const bool ends_transaction = has_salts() && big_endian_32(page_, 4) != 0;
     const std::size_t last = last_page_of_others(number, damage.flipped || ends_transaction ? 1 : 2);
     if (last == 0 && !damage.flipped) return std::nullopt;
     damage.lost = std::max(last, number) - committed;
@@ -210,7 +209,7 @@ class Log {
     damage.flipped = in_sum || !in_page.empty();
     if (!damage.flipped) return;
     // The next page goes by this one's sum as it should be.
-    const std::uint32_t number = word(page_, 0);
+    const std::uint32_t number = big_endian_32(page_, 0);
     const bool sum_is_wrong = in_sum && (in_page.empty() || (read(damage.page + 1) && follows(is)));
     if (sum_is_wrong) {
       damage.wrong = in_sum;
@@ -228,8 +227,8 @@ class Log {
   bool is_written_again(std::size_t page, std::uint32_t number, Sum before) {
     bool again = false;
     for (std::size_t next = page + 1; read(next) && follows(before); ++next) {
-      again = again || word(page_, 0) == number;
-      if (again && word(page_, 4) != 0) return true;
+      again = again || big_endian_32(page_, 0) == number;
+      if (again && big_endian_32(page_, 4) != 0) return true;
       before = sum_at(page_, 16);
     }
     return false;
@@ -246,7 +245,7 @@ class Log {
       if (!follows(before)) {
         in_run = 0;
         transactions = 2;
-      } else if (word(page_, 4) != 0 && ++in_run >= transactions) {
+      } else if (big_endian_32(page_, 4) != 0 && ++in_run >= transactions) {
         last = next;
       }
       before = sum_at(page_, 16);
@@ -275,24 +274,19 @@ std::string place(const Damage& damage) {
 class Writer {
  public:
   explicit Writer(const fs::path& path) : path_(path), file_(::open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW)) {
-    must(file_ >= 0);
+    must(file_.is_open());
   }
-  ~Writer() {
-    if (file_ >= 0) ::close(file_);
-  }
-  Writer(const Writer&) = delete;
-  Writer& operator=(const Writer&) = delete;
 
   void flip(const Bit& bit) {
     unsigned char byte = 0;
-    must(::pread(file_, &byte, 1, off_t(bit.offset)) == 1);
+    must(::pread(file_.get(), &byte, 1, off_t(bit.offset)) == 1);
     byte = static_cast<unsigned char>(byte ^ bit.mask);
-    must(::pwrite(file_, &byte, 1, off_t(bit.offset)) == 1);
-    must(::fsync(file_) == 0);
+    must(::pwrite(file_.get(), &byte, 1, off_t(bit.offset)) == 1);
+    must(::fsync(file_.get()) == 0);
   }
   void cut(std::size_t bytes) {
-    must(::ftruncate(file_, off_t(bytes)) == 0);
-    must(::fsync(file_) == 0);
+    must(::ftruncate(file_.get(), off_t(bytes)) == 0);
+    must(::fsync(file_.get()) == 0);
   }
 
  private:
@@ -300,14 +294,12 @@ class Writer {
     if (!done) throw core::StoreError(path_.string() + ": cannot be mended: " + std::generic_category().message(errno));
   }
   fs::path path_;
-  int file_;
+  core::FileDescriptor file_;
 };
 
 // While others write, a page may be there only in part, or the log be begun anew.
 std::optional<Damage> lasting_damage(const fs::path& store_folder) {
   if (!is_there(store_folder)) return std::nullopt;
-  constexpr int kLooks = 20;
-  constexpr std::chrono::milliseconds kBetweenLooks{10};
   std::optional<Damage> damage = Log(store_folder).look();
   if (damage) {
     const NobodyElse alone(catalogue_path(store_folder));
@@ -321,16 +313,13 @@ std::optional<Damage> lasting_damage(const fs::path& store_folder) {
 }
 
 fs::path keep_copy(const fs::path& log) {
-  std::error_code error;
-  for (int i = 1;; ++i) {
-    const fs::path copy = log.string() + kDamagedSuffix + std::to_string(i);
-    if (fs::exists(copy, error)) continue;
-    core::replace_file_atomically(copy, [&](const fs::path& temporary) {
-      fs::copy_file(log, temporary, fs::copy_options::overwrite_existing, error);
-      if (error) throw core::StoreError(copy.string() + ": cannot be made: " + error.message());
-    });
-    return copy;
-  }
+  const fs::path copy = numbered(log, kDamagedSuffix);
+  core::replace_file_atomically(copy, [&](const fs::path& temporary) {
+    std::error_code error;
+    fs::copy_file(log, temporary, fs::copy_options::overwrite_existing, error);
+    if (error) throw core::StoreError(copy.string() + ": cannot be made: " + error.message());
+  });
+  return copy;
 }
 
 }  // namespace
@@ -344,9 +333,9 @@ void refuse_damaged_log(const fs::path& store_folder) {
   if (!damage) return;
   throw core::StoreError(log_path(store_folder).string() + ": this log, which a crash has left, is damaged " +
                          place(*damage) + ", and SQLite would drop " +
-                         (damage->page == 0 ? std::string("all of it")
-                                            : "it from there on (" + std::to_string(damage->lost) +
-                                                  (damage->lost == 1 ? " page" : " pages") + " of the catalogue)") +
+                         (damage->page == 0
+                              ? std::string("all of it")
+                              : "it from there on (" + core::counted(damage->lost, "page") + " of the catalogue)") +
                          "; nothing was touched. `lightstage store repair` keeps a copy and saves what can be");
 }
 

@@ -310,8 +310,6 @@ std::vector<std::size_t> damaged_pages(const fs::path& catalogue) {
   const std::size_t size = file.read(0, header) == kHeaderBytes ? page_size_with_checks(header.data()) : 0;
   if (size < 512 || !std::has_single_bit(size)) return {1};
 
-  constexpr int kLooks = 20;
-  constexpr std::chrono::milliseconds kBetweenLooks{10};
   std::vector<unsigned char> page(size);
   const auto read_page = [&](std::size_t number) { return file.read((number - 1) * size, page) == size; };
   std::vector<std::size_t> damaged;

@@ -175,25 +175,11 @@ std::optional<SQLite::Database> open_alone(const fs::path& path, const fs::path&
   return database;
 }
 
-// A name that is not taken.
-fs::path numbered(const fs::path& path, const char* suffix) {
-  std::error_code none;
-  for (int i = 1;; ++i) {
-    fs::path place = path.string() + suffix + std::to_string(i);
-    if (!fs::exists(place, none)) return place;
-  }
-}
-
-bool holds_anything(const fs::path& file) {
-  std::error_code none;
-  const std::uintmax_t size = fs::file_size(file, none);
-  return !none && size > 0;
-}
-
-void move_away(const fs::path& path, const fs::path& damaged) {
+void move_away(const fs::path& folder, const fs::path& damaged) {
+  const fs::path path = catalogue_path(folder);
   std::error_code error;
   // A second name first, so that there is a catalogue, damaged or new, at every moment.
-  if (holds_anything(path)) fs::create_hard_link(path, damaged, error);
+  if (has_catalogue(folder)) fs::create_hard_link(path, damaged, error);
   if (error) throw core::StoreError(damaged.string() + ": cannot be made: " + error.message());
   // A log beside the new catalogue would be taken for its own.
   if (fs::exists(path.string() + "-wal", error)) fs::rename(path.string() + "-wal", damaged.string() + "-wal", error);
@@ -308,14 +294,14 @@ CatalogueRepair Store::repair_catalogue(const fs::path& folder, const std::vecto
     }
     report.made_anew = true;
     const fs::path aside = numbered(path, kDamagedSuffix);
-    if (holds_anything(path)) {
+    if (has_catalogue(folder)) {
       report.damaged_copy = aside;
     } else {
       core::write_file_atomically(numbered(path, kMissingSuffix),
                                   "There was no catalogue here when `lightstage store repair` made one of backups. "
                                   "While this file is here, `store gc` removes nothing.\n");
     }
-    move_away(path, aside);
+    move_away(folder, aside);
     put_catalogue(made, folder);
   });
   return report;

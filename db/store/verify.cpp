@@ -22,10 +22,6 @@
 namespace lightstage::db {
 namespace {
 
-std::string counted(std::size_t count, const std::string& singular, const std::string& plural) {
-  return std::to_string(count) + " " + (count == 1 ? singular : plural);
-}
-
 class Verification {
  public:
   Verification(const Store& store, SQLite::Database& database, const ObjectFiles& files)
@@ -268,7 +264,7 @@ class Verification {
     check_objects(objects, none);
     if (orphans > 0) {
       report_.notes.push_back(
-          counted(orphans, "object belongs", "objects belong") +
+          core::counted(orphans, "object belongs", "objects belong") +
           " to no frame or product (left by a crash or a removed scan; harmless, `lightstage store gc` removes such)");
     }
     for (const ObjectFiles::Obstacle& obstacle : listing.obstacles) {

@@ -32,6 +32,13 @@ TEST_CASE("numbers are written with as many digits as asked for") {
   CHECK(core::number_text(std::nan("")) == "nan");
 }
 
+TEST_CASE("things are counted in the singular and the plural") {
+  CHECK(core::counted(1, "frame") == "1 frame");
+  CHECK(core::counted(0, "frame") == "0 frames");
+  CHECK(core::counted(1, "object belongs", "objects belong") == "1 object belongs");
+  CHECK(core::counted(3, "object belongs", "objects belong") == "3 objects belong");
+}
+
 TEST_CASE("the nearest name is found, and none when none is near") {
   const std::vector<std::string> names{"relight", "evaluate", "train", "trial"};
   CHECK(core::nearest_name("relihgt", names) == "relight");
