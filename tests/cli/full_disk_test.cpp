@@ -65,10 +65,14 @@ TEST_CASE("a disk that fills up in mid pass ends it between frames; with room ag
   if (!stage.disk.problem().empty()) SKIP_TEST(stage.disk.problem());
   const fs::path reference = stage.folder / "reference";
   REQUIRE(run_program(reference, {"init"}).status == 0);
-  REQUIRE(run_program(reference, stage.capture(200)).status == 0);
+  // Without tracking frames: a light that was lit before one is at once as bright in it, and one that was not rises to that, which is a last digit in the
+  // frame that a pass goes on with.
+  std::vector<std::string> capture = stage.capture(200);
+  capture.insert(capture.end(), {"--tracking-every", "0"});
+  REQUIRE(run_program(reference, capture).status == 0);
 
   const fs::path err = stage.folder / "err";
-  test::BackgroundRun run(stage.store, stage.capture(200), err);
+  test::BackgroundRun run(stage.store, capture, err);
   const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
   const auto frames = [&] {
     const db::Store reader = db::Store::open(stage.store);
