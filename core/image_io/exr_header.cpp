@@ -1,8 +1,10 @@
 #include "core/image_io/exr_header.h"
 
-#include <cstring>
+#include <algorithm>
+#include <array>
 #include <fstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/error.h"
@@ -15,6 +17,21 @@ namespace {
 
 constexpr std::uint32_t kMagic = 20000630, kMultiPart = 0x1000;
 constexpr std::size_t kLongestName = 255;
+// The library reads that many bytes of an attribute of these types whatever size stands before it, and takes what follows for the next attribute.
+struct FixedSize {
+  std::string_view type;
+  std::size_t bytes;
+};
+// clang-format off
+constexpr std::array<FixedSize, 24> kFixedSizes{{
+    {"compression", 1}, {"deepImageState", 1}, {"envmap", 1}, {"lineOrder", 1},
+    {"float", 4}, {"int", 4},
+    {"double", 8}, {"rational", 8}, {"timecode", 8}, {"v2f", 8}, {"v2i", 8},
+    {"tiledesc", 9},
+    {"v3f", 12}, {"v3i", 12},
+    {"box2f", 16}, {"box2i", 16}, {"v2d", 16},
+    {"v3d", 24}, {"keycode", 28}, {"chromaticities", 32}, {"m33f", 36}, {"m44f", 64}, {"m33d", 72}, {"m44d", 128}}};
+// clang-format on
 constexpr std::uint64_t kLongestSide = 1 << 20, kLargestTile = 1 << 26, kAlwaysAllowed = 1 << 22;
 
 class Header {
@@ -50,33 +67,47 @@ class Header {
   }
 
   void check_attribute(const std::string& type, const std::vector<char>& value, const std::string& name) {
-    const auto too_short = [&](std::size_t least) {
-      if (value.size() < least) fail("its attribute '" + name + "' is too short");
-    };
+    const auto wrong_size = [&] { fail("its attribute '" + name + "' has not the size that its type has"); };
+    const auto* const fixed = std::ranges::find(kFixedSizes, std::string_view(type), &FixedSize::type);
+    if (fixed != kFixedSizes.end() && value.size() != fixed->bytes) wrong_size();
     if (name == "dataWindow" || name == "displayWindow") {
-      too_short(16);
+      if (type != "box2i") wrong_size();
       const auto side = [&](std::size_t first, std::size_t last) {
         return std::int64_t(std::int32_t(number(value, last))) - std::int32_t(number(value, first)) + 1;
       };
       check_size(side(0, 8), side(4, 12));
     } else if (type == "tiledesc") {
-      too_short(8);
       const std::uint64_t width = number(value, 0), height = number(value, 4);
       if (width == 0 || height == 0 || width > kLargestTile / height) fail("its tiles are too large");
     } else if (type == "preview") {
-      too_short(8);
+      if (value.size() < 8) wrong_size();
       const std::uint64_t width = number(value, 0), height = number(value, 4);
-      if (width * height > value.size() / 4) fail("its preview claims more than it holds");
+      // The product of two 32-bit numbers fits 64 bits; four times it need not.
+      if ((value.size() - 8) % 4 != 0 || width * height != (value.size() - 8) / 4) wrong_size();
+    } else if (type == "chlist") {
+      if (!ends_as_channels_do(value)) wrong_size();
     } else if (type == "stringvector") {
       for (std::size_t at = 0; at < value.size();) {
-        too_short(at + 4);
+        if (value.size() - at < 4) wrong_size();
         const std::size_t length = number(value, at);
-        if (length > value.size() - at - 4) fail("its attribute '" + name + "' claims more than it holds");
+        if (length > value.size() - at - 4) wrong_size();
         at += 4 + length;
       }
     } else if (type == "idmanifest") {
       fail("holds a manifest of IDs, whose size nobody knows before memory is taken for it");
     }
+  }
+
+  // A list of channels ends with an empty name: names, each with a zero and 16 bytes after it, and one more zero.
+  static bool ends_as_channels_do(const std::vector<char>& value) {
+    constexpr std::ptrdiff_t kChannelBytes = 16;
+    auto at = value.begin();
+    while (at != value.end() && *at != '\0') {
+      at = std::find(at, value.end(), '\0');
+      if (value.end() - at < 1 + kChannelBytes) return false;
+      at += 1 + kChannelBytes;
+    }
+    return at != value.end() && at + 1 == value.end();
   }
 
   void check_size(std::int64_t width, std::int64_t height) const {

@@ -117,6 +117,30 @@ TEST_CASE("headers that claim more than the file can hold are refused before mem
   CHECK(core::read_image(folder / "black.png").height() == 4000);
 }
 
+TEST_CASE("an attribute of an EXR header that states another size than its type has is refused by name") {
+  // The library would read what the type asks for and take the middle of a value for the next attribute, whatever that claims.
+  const test::TemporaryFolder folder;
+  const fs::path path = folder / "a.exr";
+  core::write_image(path, noise(5, 7, 3));
+  const std::string sound = core::read_text_file(path);
+  const std::pair<std::string, std::string> attributes[] = {
+      {"channels", "chlist"},       {"compression", "compression"}, {"dataWindow", "box2i"},
+      {"displayWindow", "box2i"},   {"lineOrder", "lineOrder"},     {"pixelAspectRatio", "float"},
+      {"screenWindowCenter", "v2f"}};
+  for (const auto& [name, type] : attributes) {
+    const std::string before = name + '\0' + type + '\0';
+    const std::size_t at = sound.find(before);
+    REQUIRE(at != std::string::npos);
+    for (const int more : {-1, 1, 60}) {
+      std::string bytes = sound;
+      bytes[at + before.size()] = char(bytes[at + before.size()] + more);
+      core::write_file_atomically(path, bytes);
+      INFO(name << " by " << more);
+      CHECK(says(refusal(path), path.string(), "'" + name + "'", "size"));
+    }
+  }
+}
+
 TEST_CASE("an HDR file that went through a text conversion is refused") {
   const fs::path path = test::real_data("broken/mojibake.hdr");
   if (path.empty()) SKIP_TEST("damaged HDR file not found");
