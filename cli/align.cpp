@@ -8,6 +8,7 @@
 #include "cli/jobs/align.h"
 #include "cli/jobs/register.h"
 #include "cli/options.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -39,7 +40,7 @@ void run_robust(const Options& options, Context& context) {
   store.require_writable();
   const RegisterReport report = register_scan(store, store.scan(options.name));
   std::string text =
-      "registered " + std::to_string(report.aligned) + " frames with those of the lights beside theirs\n  motion " +
+      "registered " + core::counted(report.aligned, "frame") + " with those of the lights beside theirs\n  motion " +
       fixed(report.median_motion_px, 2) + " px median, " + fixed(report.largest_motion_px, 2) + " px at most; " +
       fixed(report.residual_before_px, 2) + " px from what the neighbours predict, now " +
       fixed(report.residual_after_px, 2) +
@@ -60,8 +61,8 @@ void run_align(const Options& options, Context& context) {
   db::Store store = context.open_store();
   store.require_writable();
   const AlignReport report = align_scan(store, store.scan(options.name), options.job);
-  std::string text = "aligned " + std::to_string(report.aligned) + " frames to the key pose by " +
-                     std::to_string(report.tracking_frames) + " tracking frames\n  motion " +
+  std::string text = "aligned " + core::counted(report.aligned, "frame") + " to the key pose by " +
+                     core::counted(report.tracking_frames, "tracking frame") + "\n  motion " +
                      fixed(report.median_motion_px, 2) + " px median, " + fixed(report.largest_motion_px, 2) +
                      " px at most; tracking frames differed by " + fixed(report.residual_before, 4) + ", now by " +
                      fixed(report.residual_after, 4) + "\n  " + fixed(100 * report.believed, 1) +

@@ -52,7 +52,7 @@ std::string camera_text(const calib::CalibratedCamera& camera, bool first) {
   const auto with = [](double value, double sigma, int digits) {
     return fixed(value, digits) + " +- " + fixed(sigma, digits + 1);
   };
-  std::string text = camera.camera.name + ": " + std::to_string(camera.views) + " views, " +
+  std::string text = camera.camera.name + ": " + core::counted(camera.views, "view") + ", " +
                      std::to_string(camera.corners) + " corners to " + fixed(camera.sigma_px, 3) +
                      " px; focal length " + with(m.fx, camera.sigma.fx, 1) + ", " + with(m.fy, camera.sigma.fy, 1) +
                      " px; principal point " + with(m.cx, camera.sigma.cx, 1) + ", " + with(m.cy, camera.sigma.cy, 1) +

@@ -16,6 +16,7 @@
 #include "cli/seed_option.h"
 #include "core/error.h"
 #include "core/progress.h"
+#include "core/text.h"
 #include "db/scan_lock.h"
 #include "sim/rig.h"
 
@@ -141,7 +142,7 @@ void check_lights(const CaptureProvenance& provenance, const capture::Rig& rig, 
   }
   if (report.findings.empty()) {
     core::note("light check: nothing wrong with " + std::to_string(lights - report.unjudged.size()) + " of " +
-               std::to_string(lights) + " lights" +
+               core::counted(lights, "light") +
                (report.unjudged.empty() ? "" : "; the others light nothing that a camera sees"));
     return;
   }
@@ -238,15 +239,15 @@ void capture_scan(const Options& options, Context& context) {
   }
 
   const std::size_t frames = report.already_stored + report.stored;
-  std::string text = "captured '" + scan.name + "': " + std::to_string(frames) + " frames of " +
-                     std::to_string(report.steps) + " steps";
+  std::string text =
+      "captured '" + scan.name + "': " + core::counted(frames, "frame") + " of " + core::counted(report.steps, "step");
   if (report.already_stored > 0) text += ", " + std::to_string(report.already_stored) + " of them stored before";
   text += "; " + std::to_string(report.dropped) + " dropped, " + std::to_string(report.discarded) + " discarded, " +
           std::to_string(report.retaken) + " retaken\n";
   const auto taken_again =
       std::count_if(again.begin(), again.end(), [](const db::Step& step) { return step.kind == db::StepKind::kLight; });
   if (taken_again > 0) {
-    text += std::to_string(taken_again) + " lights were taken again; now run `lightstage align " + scan.name + "`\n";
+    text += "taken again: " + core::counted(taken_again, "light") + "; now run `lightstage align " + scan.name + "`\n";
   }
   context.result(text, {{"scan", scan.name},
                         {"timing", to_string(provenance.sequence.timing)},

@@ -7,6 +7,7 @@
 #include "cli/commands.h"
 #include "cli/options.h"
 #include "cli/report/colour_file.h"
+#include "core/text.h"
 #include "db/importers.h"
 
 namespace lightstage::cli {
@@ -56,7 +57,7 @@ void run_import(const Format& format, const Options& options, Context& context) 
   }
   db::Store store = context.open_store();
   const db::ImportReport report = db::import_pictures(store, set, options.name, options.encoding);
-  std::string text = "imported " + std::to_string(report.pictures) + " pictures of " +
+  std::string text = "imported " + core::counted(report.pictures, "picture") + " of " +
                      std::to_string(report.size.width) + " x " + std::to_string(report.size.height) + " pixels as '" +
                      options.name + "'\n";
   nlohmann::ordered_json excluded = nlohmann::ordered_json::array();

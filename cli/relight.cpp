@@ -136,9 +136,10 @@ void report(const Options& options, const PictureMethod& method, double preparin
            fixed(all.seconds, 2) + " s\n";
   if (!several) text += environment_text(first.work, options.frames.environment);
   if (already_made > 0)
-    text += std::to_string(already_made) + " of " + std::to_string(pictures.size()) + " pictures were there already\n";
+    text +=
+        "there already: " + std::to_string(already_made) + " of " + core::counted(pictures.size(), "picture") + "\n";
   text += std::string(first.already_made ? "" : "wrote ") +
-          (several ? std::to_string(pictures.size()) + " pictures, " : "") + first.files.exr.string() +
+          (several ? core::counted(pictures.size(), "picture") + ", " : "") + first.files.exr.string() +
           (several ? " to " + last.files.exr.string() + ", each with its .png" : " and " + first.files.png.string()) +
           " (" + stops_text(pictures) + ")\n";
   ordered_json json{{"scan", options.name}, {"method", method.name()}};

@@ -83,8 +83,8 @@ void add_stage(CLI::App& program, Context& context) {
     stage.simulation = options->simulation;
     core::write_file_atomically(options->out, capture::to_toml(stage));
     const std::size_t lights = stage.light_positions.size();
-    context.result("wrote " + options->out.string() + ": " + std::to_string(lights) + " lights, " +
-                       std::to_string(stage.cameras.size()) + " cameras\n",
+    context.result("wrote " + options->out.string() + ": " + core::counted(lights, "light") + ", " +
+                       core::counted(stage.cameras.size(), "camera") + "\n",
                    {{"file", options->out.string()},
                     {"lights", lights},
                     {"cameras", stage.cameras.size()},

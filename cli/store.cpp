@@ -8,6 +8,7 @@
 #include "cli/jobs/scans.h"
 #include "cli/store_keeping.h"
 #include "core/error.h"
+#include "core/text.h"
 #include "db/scan_lock.h"
 
 namespace lightstage::cli {
@@ -42,8 +43,8 @@ void show(const std::string& name, Context& context) {
                       {"stage", scan.stage_key},     {"cameras", scan.cameras},
                       {"steps", scan.steps.size()},  {"frames", store.frames(scan.id).size()}};
   std::string text = scan.name + ": " + std::string(db::to_string(scan.kind)) + ", made " + scan.created_utc +
-                     " by version " + scan.program_version + "\n  " + std::to_string(scan.steps.size()) + " steps, " +
-                     std::to_string(store.frames(scan.id).size()) + " frames\n";
+                     " by version " + scan.program_version + "\n  " + core::counted(scan.steps.size(), "step") + ", " +
+                     core::counted(store.frames(scan.id).size(), "frame") + "\n";
   ordered_json products = ordered_json::array();
   for (const char* kind : {"mask", "alignment", "weights", "picture", "normals", "virtual_stage"}) {
     for (const db::Product& product : store.products(kind)) {

@@ -9,6 +9,7 @@
 #include "cli/format.h"
 #include "cli/options.h"
 #include "core/error.h"
+#include "core/text.h"
 
 namespace lightstage::cli {
 
@@ -26,11 +27,18 @@ std::string megabytes(std::uint64_t bytes) {
 
 void verify(const db::VerifyOptions& options, Context& context) {
   const db::Store store = db::Store::open(context.store_folder);  // whatever state it is in
-  const db::VerifyReport report = store.verify(options);
-  std::string text = std::to_string(report.frames) + " frames, " + std::to_string(report.objects) + " objects: " +
-                     (report.errors.empty() ? "all sound" : std::to_string(report.errors.size()) + " errors") + "\n";
+  db::VerifyReport report;
+  try {
+    report = store.verify(options);
+  } catch (const core::Interrupted& interrupted) {
+    if (!options.scans.empty()) throw;
+    throw core::Interrupted(interrupted.what() +
+                            std::string("; `lightstage store verify --resume` goes on from there"));
+  }
+  std::string text = core::counted(report.frames, "frame") + ", " + core::counted(report.objects, "object") + ": " +
+                     (report.errors.empty() ? "all sound" : core::counted(report.errors.size(), "error")) + "\n";
   if (report.scans_done_before > 0) {
-    text += "  " + std::to_string(report.scans_done_before) + " scans were verified before the interruption\n";
+    text += "  verified before the interruption: " + core::counted(report.scans_done_before, "scan") + "\n";
   }
   text += lines(report.errors, "") + lines(report.notes, "harmless: ");
   context.result(text, {{"ok", report.errors.empty()},
@@ -40,8 +48,8 @@ void verify(const db::VerifyOptions& options, Context& context) {
                         {"errors", report.errors},
                         {"notes", report.notes}});
   if (!report.errors.empty()) {
-    throw core::StoreError(store.folder().string() + ": " + std::to_string(report.errors.size()) +
-                           " errors found; `lightstage store repair` mends what there is a sound copy of");
+    throw core::StoreError(store.folder().string() + ": " + core::counted(report.errors.size(), "error") +
+                           " found; `lightstage store repair` mends what there is a sound copy of");
   }
 }
 
@@ -53,7 +61,7 @@ void report_copy(const std::string& verb, const db::BackupReport& report, const 
     kept = "  the backup keeps that, by its earlier catalogue " + file + ": `lightstage store repair --from " + file +
            "` brings it back, removing the file lets `store gc` of the backup remove it\n";
   }
-  context.result(verb + " " + folder.string() + ": " + std::to_string(report.objects) + " objects, " +
+  context.result(verb + " " + folder.string() + ": " + core::counted(report.objects, "object") + ", " +
                      std::to_string(report.copied) + " of them copied now (" + megabytes(report.copied_bytes) + ")\n" +
                      lines(report.gone, "no longer in the store: ") + kept + lines(report.damaged, "damaged: "),
                  {{"folder", folder.string()},
@@ -64,9 +72,8 @@ void report_copy(const std::string& verb, const db::BackupReport& report, const 
                   {"kept_catalogue", report.kept_catalogue.string()},
                   {"damaged", report.damaged}});
   if (!report.damaged.empty()) {
-    throw core::StoreError(
-        std::to_string(report.damaged.size()) +
-        " objects are missing or damaged where they were to be copied from; see `lightstage store repair`");
+    throw core::StoreError("missing or damaged where they were to be copied from: " +
+                           core::counted(report.damaged.size(), "object") + "; see `lightstage store repair`");
   }
 }
 
@@ -90,14 +97,16 @@ void repair(const RepairOptions& options, Context& context) {
   }
   if (catalogue.made_anew) {
     text += std::string("the catalogue was ") + (catalogue.damaged_copy.empty() ? "missing" : "damaged") +
-            " and was made anew: " + std::to_string(catalogue.rows_read) + " rows read from it, " +
+            " and was made anew: " + core::counted(catalogue.rows_read, "row") + " read from it, " +
             std::to_string(catalogue.rows_from_backups) + " from backups, " + std::to_string(catalogue.rows_dropped) +
             " dropped that referred to lost ones\n";
     if (!catalogue.damaged_copy.empty()) {
       text += "  the damaged one is kept as " + catalogue.damaged_copy.string() + "\n";
     }
   } else if (catalogue.rows_from_backups > 0) {
-    text += std::to_string(catalogue.rows_from_backups) + " rows that the catalogue lacked were taken from backups\n";
+    text +=
+        "taken from backups, since the catalogue lacked them: " + core::counted(catalogue.rows_from_backups, "row") +
+        "\n";
   }
   if (catalogue.accepted) text += "the catalogue was taken as it is\n";
   const bool rows_changed =
@@ -136,8 +145,9 @@ void repair(const RepairOptions& options, Context& context) {
         "be gone; `lightstage store verify` names scans with missing frames");
   }
   if (!report.lost.empty()) {
-    throw core::StoreError(store.folder().string() + ": " + std::to_string(report.lost.size()) +
-                           " objects have no sound copy; name backups with --from, or take frames again "
+    throw core::StoreError(store.folder().string() + ": " + "no sound copy of " +
+                           core::counted(report.lost.size(), "object") +
+                           "; name backups with --from, or take frames again "
                            "(`lightstage capture`) and make again what was derived");
   }
   if (!catalogue.clashes.empty()) {
@@ -151,9 +161,8 @@ void collect_garbage(double hours, bool only_look, Context& context) {
   db::Store store = context.open_store();
   const auto age = std::chrono::seconds(std::int64_t(hours * 3600));
   const db::GarbageReport report = store.collect_garbage(age, only_look);
-  std::string text = std::string(only_look ? "would remove " : "removed ") + std::to_string(report.objects) +
-                     " objects and " + std::to_string(report.files) + " left-over files, " + megabytes(report.bytes) +
-                     "\n";
+  std::string text = std::string(only_look ? "would remove " : "removed ") + core::counted(report.objects, "object") +
+                     " and " + core::counted(report.files, "left-over file") + ", " + megabytes(report.bytes) + "\n";
   if (report.kept_young > 0) {
     text += "  " + std::to_string(report.kept_young) + " that nothing refers to are younger than " + fixed(hours, 1) +
             " hours and stay (--older-than)\n";

@@ -13,6 +13,7 @@
 #include "core/error.h"
 #include "core/foreign_path.h"
 #include "core/progress.h"
+#include "core/text.h"
 #include "core/version.h"
 #include "db/content_hash.h"
 
@@ -133,7 +134,7 @@ void run_superres(const Options& options, Context& context) {
       superres(store, source, scan, *interpolator, json_text(parameters), directions, options.out);
   const bool was_there = report.already_stored == report.lights;
   std::string text = (was_there ? "'" : "made '") + options.out + "'" + (was_there ? " was there already: " : ": ") +
-                     std::to_string(report.lights) + " lights by " + choice.method +
+                     core::counted(report.lights, "light") + " by " + choice.method +
                      (was_there ? "" : ", " + fixed(report.seconds_per_image, 3) + " s an image") + "\n";
   nlohmann::ordered_json json{{"scan", options.out},
                               {"source", options.name},

@@ -42,7 +42,7 @@ TEST_CASE("a damaged store is named, mended from its backup, and restored from i
   CHECK_THAT(found.out, Contains("scan 'ball', step 3, camera") && Contains("is damaged"));
   const auto without = run_program(store, {"store", "repair"});
   CHECK(without.status == 5);
-  CHECK_THAT(without.err, Contains("have no sound copy; name backups with --from"));
+  CHECK_THAT(without.err, Contains("no sound copy of 1 object; name backups with --from"));
   const auto mended = run_program(store, {"store", "repair", "--from", backup.string(), "--json"});
   CHECK(mended.status == 0);
   CHECK(mended.json()["mended"].size() == 1);
