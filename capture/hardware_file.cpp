@@ -1,4 +1,5 @@
 // The hardware part of stage files: TOML out and in.
+#include <algorithm>
 #include <map>
 #include <numeric>
 #include <set>

@@ -1,5 +1,6 @@
 #include "capture/led_group.h"
 
+#include <algorithm>
 #include <exception>
 
 #include "core/error.h"

@@ -1,5 +1,6 @@
 #include "capture/led_protocol.h"
 
+#include <algorithm>
 #include <array>
 
 namespace lightstage::capture {

@@ -1,5 +1,6 @@
 #include "capture/light_check.h"
 
+#include <algorithm>
 #include <cstdio>
 #include <map>
 #include <set>

@@ -1,5 +1,6 @@
 #include "capture/preview.h"
 
+#include <algorithm>
 #include <condition_variable>
 #include <map>
 #include <mutex>

@@ -1,7 +1,9 @@
 #include "capture/protocol_leds.h"
 
+#include <algorithm>
 #include <cmath>
 #include <condition_variable>
+#include <map>
 #include <mutex>
 #include <thread>
 #include <utility>

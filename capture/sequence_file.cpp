@@ -1,4 +1,5 @@
 // Sequence files: TOML out and in.
+#include <algorithm>
 #include <limits>
 #include <set>
 

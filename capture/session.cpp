@@ -1,5 +1,6 @@
 #include "capture/session.h"
 
+#include <algorithm>
 #include <map>
 #include <set>
 #include <utility>

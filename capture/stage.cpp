@@ -1,5 +1,6 @@
 #include "capture/stage.h"
 
+#include <algorithm>
 #include <bit>
 #include <cctype>
 

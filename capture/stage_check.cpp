@@ -1,4 +1,5 @@
 // A stage's hardware compared with the devices that are plugged in.
+#include <algorithm>
 #include <filesystem>
 
 #include "capture/devices_seen.h"

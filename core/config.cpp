@@ -2,7 +2,9 @@
 
 #include <toml++/toml.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <set>
 
@@ -170,7 +172,7 @@ std::vector<std::string> TomlTable::strings(std::string_view key) const {
 }
 
 std::vector<std::string> TomlTable::strings(std::string_view key, std::vector<std::string> default_value) const {
-  return has(key) ? strings(key) : default_value;
+  return has(key) ? strings(key) : std::move(default_value);
 }
 
 TomlTable TomlTable::table(std::string_view key) const {

@@ -13,7 +13,7 @@ namespace {
 // wavelengths from 6 pixels up; a = -1/2 errs 1.5 % at 6 pixels, and a = -3/4, as cv::remap has it (which rounds
 // places to 1/32 pixel besides), 1.8 %. At t = 0 the weights are exactly 0, 1, 0, 0.
 std::array<float, 4> cubic_weights(float t) {
-  constexpr float a = -0.6F;
+  const float a = -0.6F;
   return {a * t * ((t - 2) * t + 1), ((a + 2) * t - (a + 3)) * t * t + 1, ((2 * a + 3 - (a + 2) * t) * t - a) * t,
           a * t * t * (1 - t)};
 }

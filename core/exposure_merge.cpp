@@ -1,6 +1,8 @@
 #include "core/exposure_merge.h"
 
+#include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <string>
 
 #include "core/error.h"

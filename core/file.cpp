@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <random>
@@ -115,7 +116,7 @@ void make_folder(const fs::path& folder) {
 
 fs::path temporary_folder() {
   std::error_code error;
-  const fs::path folder = fs::temp_directory_path(error);
+  fs::path folder = fs::temp_directory_path(error);
   if (!error) return folder;
   std::string named;
   for (const char* variable : {"TEMPDIR", "TEMP", "TMP", "TMPDIR"}) {  // the last one set is the one that counts

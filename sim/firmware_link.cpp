@@ -1,5 +1,7 @@
 #include "sim/firmware_link.h"
 
+#include <algorithm>
+
 namespace lightstage::sim {
 
 void FirmwareLink::schedule_strobe(bool rising, core::Nanoseconds time) {

@@ -1,5 +1,6 @@
 #include "sim/led_firmware.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 

@@ -1,7 +1,9 @@
 #include "sim/rig.h"
 
+#include <algorithm>
 #include <deque>
 #include <limits>
+#include <map>
 #include <mutex>
 
 #include "capture/protocol_leds.h"

@@ -1,5 +1,7 @@
 #include "sim/sensor.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 #include "core/parallel.h"
 #include "sim/devices/poisson.h"

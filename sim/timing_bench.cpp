@@ -1,5 +1,7 @@
 #include "sim/timing_bench.h"
 
+#include <algorithm>
+
 #include "capture/stage.h"
 #include "core/error.h"
 #include "sim/world.h"

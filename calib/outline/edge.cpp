@@ -1,5 +1,6 @@
 #include "calib/outline/edge.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 

@@ -1,6 +1,7 @@
 // libgpiod's first API (1.x): the only file that knows it.
 #include <gpiod.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>

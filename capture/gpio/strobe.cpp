@@ -1,5 +1,7 @@
 #include "capture/gpio/strobe.h"
 
+#include <algorithm>
+
 #include "capture/gpio/reopen.h"
 #include "core/error.h"
 

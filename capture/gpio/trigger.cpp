@@ -1,5 +1,7 @@
 #include "capture/gpio/trigger.h"
 
+#include <algorithm>
+
 #include "capture/gpio/reopen.h"
 #include "core/error.h"
 #include "core/progress.h"

@@ -1,5 +1,7 @@
 #include "capture/light_check/judge.h"
 
+#include <algorithm>
+
 namespace lightstage::capture {
 
 namespace {

@@ -1,5 +1,6 @@
 #include "capture/light_check/picture_space.h"
 
+#include <algorithm>
 #include <array>
 
 #include "core/error.h"

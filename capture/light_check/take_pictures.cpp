@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <map>
 
 #include "capture/light_check.h"

@@ -1,5 +1,7 @@
 #include "capture/session/lockstep.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 #include "core/interrupt.h"
 

@@ -1,5 +1,6 @@
 #include "capture/usb/dmx_leds.h"
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 

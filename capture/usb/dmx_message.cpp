@@ -1,5 +1,7 @@
 #include "capture/usb/dmx_message.h"
 
+#include <algorithm>
+
 namespace lightstage::capture {
 
 namespace {

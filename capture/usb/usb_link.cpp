@@ -1,5 +1,7 @@
 #include "capture/usb/usb_link.h"
 
+#include <algorithm>
+
 #include "core/error.h"
 
 namespace lightstage::capture {

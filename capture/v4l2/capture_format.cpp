@@ -1,5 +1,7 @@
 #include "capture/v4l2/capture_format.h"
 
+#include <algorithm>
+
 #include "capture/v4l2/controls.h"
 
 namespace lightstage::capture {

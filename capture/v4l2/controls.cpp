@@ -1,5 +1,6 @@
 #include "capture/v4l2/controls.h"
 
+#include <algorithm>
 #include <cstring>
 
 namespace lightstage::capture {

@@ -1,5 +1,6 @@
 #include "cli/bench/calib_bench.h"
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 

@@ -1,5 +1,6 @@
 #include "cli/bench/exposure_bench.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 

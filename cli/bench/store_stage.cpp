@@ -1,5 +1,6 @@
 #include "cli/bench/store_stage.h"
 
+#include <algorithm>
 #include <deque>
 #include <optional>
 

@@ -1,6 +1,7 @@
 #include "cli/jobs/exposed_pictures.h"
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <numeric>

@@ -1,5 +1,7 @@
 #include "cli/report/colour_file.h"
 
+#include <algorithm>
+
 #include "core/config.h"
 #include "core/file.h"
 #include "core/text.h"

@@ -1,5 +1,7 @@
 #include "cli/report/response_file.h"
 
+#include <cmath>
+
 #include "core/error.h"
 #include "core/file.h"
 #include "core/text.h"

@@ -1,4 +1,5 @@
 // From a set of pictures on disk to a scan in the store.
+#include <cstdio>
 #include <map>
 #include <mutex>
 #include <set>

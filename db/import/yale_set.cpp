@@ -1,5 +1,6 @@
 // The layout of the Extended Yale Face Database B (Georghiades et al. 2001, "From few to many"; Lee et al.
 // 2005).
+#include <algorithm>
 #include <optional>
 #include <set>
 

@@ -1,4 +1,5 @@
 // Store: removing what nothing refers to.
+#include <algorithm>
 #include <set>
 
 #include "core/error.h"

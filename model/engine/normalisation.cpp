@@ -1,5 +1,6 @@
 #include "model/engine/normalisation.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "model/engine/feature_map.h"

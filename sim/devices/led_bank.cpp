@@ -1,5 +1,6 @@
 #include "sim/devices/led_bank.h"
 
+#include <algorithm>
 #include <limits>
 
 namespace lightstage::sim {

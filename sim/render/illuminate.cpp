@@ -1,5 +1,7 @@
 #include "sim/render/illuminate.h"
 
+#include <algorithm>
+
 #include "core/parallel.h"
 
 namespace lightstage::sim {

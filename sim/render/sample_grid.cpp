@@ -1,5 +1,6 @@
 #include "sim/render/sample_grid.h"
 
+#include <algorithm>
 #include <numbers>
 
 #include "core/parallel.h"

@@ -1,5 +1,6 @@
 #include "sim/render/surface_buffer.h"
 
+#include <algorithm>
 #include <numbers>
 #include <tuple>
 

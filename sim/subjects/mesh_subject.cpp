@@ -1,5 +1,7 @@
 #include "sim/subjects/mesh_subject.h"
 
+#include <algorithm>
+
 #include "core/parallel.h"
 
 namespace lightstage::sim {

@@ -1,5 +1,6 @@
 #include "sim/subjects/mirror.h"
 
+#include <algorithm>
 #include <numbers>
 
 #include "sim/render/sample_grid.h"

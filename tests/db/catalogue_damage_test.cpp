@@ -76,7 +76,7 @@ std::vector<std::string> complaints(const fs::path& folder) {
 
 }  // namespace
 
-TEST_CASE_METHOD(DamagedCatalogue, "any flipped bit of the catalogue is found, in whatever page it is") {
+TEST_CASE_METHOD(DamagedCatalogue, "any flipped bit of the catalogue is found, in whatever page it is", "[long]") {
   REQUIRE(complaints(store).empty());
   std::mt19937 random(5);
   for (std::size_t page = 0; page < pages(); ++page) {
@@ -99,7 +99,7 @@ TEST_CASE_METHOD(DamagedCatalogue, "any flipped bit of the catalogue is found, i
   }
 }
 
-TEST_CASE_METHOD(DamagedCatalogue, "any flipped bit of the catalogue is put right without a backup") {
+TEST_CASE_METHOD(DamagedCatalogue, "any flipped bit of the catalogue is put right without a backup", "[long]") {
   const std::vector<std::string> before = frames_of(store);
   std::mt19937 random(7);
   // One in every page at once; in the first page in its header and in what says where the first table's rows are.
@@ -178,7 +178,7 @@ TEST_CASE_METHOD(DamagedCatalogue, "another program may look at a store that lie
 }
 
 TEST_CASE_METHOD(DamagedCatalogue,
-                 "repair makes a new catalogue of sound pages and of backups, and keeps the damaged one") {
+                 "repair makes a new catalogue of sound pages and of backups, and keeps the damaged one", "[long]") {
   const auto before = frames_of(store);
   for (std::size_t page = 0; page < pages(); ++page) {
     CAPTURE(page);
@@ -202,7 +202,7 @@ TEST_CASE_METHOD(DamagedCatalogue,
   }
 }
 
-TEST_CASE_METHOD(DamagedCatalogue, "without a backup repair keeps the rows of all sound pages") {
+TEST_CASE_METHOD(DamagedCatalogue, "without a backup repair keeps the rows of all sound pages", "[long]") {
   const auto before = frames_of(store);
   std::size_t most = 0;
   for (std::size_t page = 0; page < pages(); ++page) {
@@ -221,7 +221,7 @@ TEST_CASE_METHOD(DamagedCatalogue, "without a backup repair keeps the rows of al
   CHECK(most == before.size());  // where only an index was hit
 }
 
-TEST_CASE_METHOD(DamagedCatalogue, "what repair could not read is named until a backup has brought it back") {
+TEST_CASE_METHOD(DamagedCatalogue, "what repair could not read is named until a backup has brought it back", "[long]") {
   db::Store::open(store).back_up(folder / "good");
   const auto before = frames_of(store);
   std::size_t losses = 0;

@@ -59,7 +59,7 @@ struct Fixture {
 
 }  // namespace
 
-TEST_CASE("the write-ahead log stays short while 20,000 rows are added and others read without a pause") {
+TEST_CASE("the write-ahead log stays short while 20,000 rows are added and others read without a pause", "[long]") {
   Fixture fixture;
   std::atomic<bool> done = false;
   std::atomic<std::size_t> looks = 0;

@@ -101,7 +101,8 @@ TEST_CASE("a sound log is taken as it is, also one that was begun anew, and one 
   }
 }
 
-TEST_CASE("any flipped bit of a log stops everything but repair, which puts it right where the checksums tell it") {
+TEST_CASE("any flipped bit of a log stops everything but repair, which puts it right where the checksums tell it",
+          "[long]") {
   const bool begun_anew = GENERATE(false, true);
   const CrashedStore crashed(begun_anew);
   std::mt19937 random(11);

@@ -105,7 +105,7 @@ const std::vector<std::string> kNone;
 
 }  // namespace
 
-TEST_CASE("nothing of the sound real sets is set aside or accused, and every swap in them is found") {
+TEST_CASE("nothing of the sound real sets is set aside or accused, and every swap in them is found", "[long]") {
   if (real_data("diligent").empty() || real_data("loewenkopf240").empty() || real_data("yale_faces").empty()) {
     SKIP_TEST("no real sets");
   }

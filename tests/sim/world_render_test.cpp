@@ -1,4 +1,5 @@
 #include <catch2/catch.hpp>
+#include <condition_variable>
 #include <mutex>
 #include <numbers>
 #include <set>
@@ -234,11 +235,14 @@ TEST_CASE("a world leaves other loops their threads") {
   const ThreadCount count(3);
   const World world(test::still_simulation(SubjectKind::kChessboard, 1, 8));
   std::mutex mutex;
+  std::condition_variable arrived;
   std::set<std::thread::id> threads;
-  core::parallel_for(30, 1, [&](std::size_t, std::size_t) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    const std::scoped_lock lock(mutex);
+  // On a machine with much else to do the second thread may come late.
+  core::parallel_for(3, 1, [&](std::size_t, std::size_t) {
+    std::unique_lock lock(mutex);
     threads.insert(std::this_thread::get_id());
+    arrived.notify_all();
+    arrived.wait_for(lock, std::chrono::seconds(20), [&] { return threads.size() > 1; });
   });
   CHECK(threads.size() > 1);
 }
