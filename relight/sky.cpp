@@ -18,7 +18,8 @@ constexpr core::Vec3 kSunColour{1.28, 0.96, 0.68};  // about 4500 K, low sun
 // ISO 15469, equation 1 with the parameters of sky type 12: gradation a, b towards the horizon, and the
 // scattering indicatrix c, d, e about the sun. `zenith` is the element's angle from the zenith.
 double relative_luminance(double zenith, double angle_to_sun, double sun_zenith) {
-  const double a = -1, b = -0.32, c = 10, d = -3, e = 0.45;
+  // NOLINTNEXTLINE(readability-identifier-naming): as ISO 15469 calls them
+  constexpr double a = -1, b = -0.32, c = 10, d = -3, e = 0.45;
   const auto gradation = [](double z) { return 1 + a * std::exp(b / std::max(std::cos(z), 1e-3)); };
   const auto indicatrix = [](double x) {
     return 1 + c * (std::exp(d * x) - std::exp(d * kPi / 2)) + e * std::cos(x) * std::cos(x);
