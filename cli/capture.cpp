@@ -361,7 +361,7 @@ void add_capture(CLI::App& program, Context& context) {
       ->capture_default_str()
       ->check(CLI::Range(1, 100000));
   command->add_flag("--tev{127.0.0.1:14158}", options->tev,
-                    "Show previews in the tev viewer that listens here, or at --tev=HOST:PORT");
+                    "Show previews in the tev viewer that listens at 127.0.0.1:14158, or at --tev=HOST:PORT");
   command->add_flag("--resume", options->resume, "Go on with an interrupted capture of that name, as it was begun");
   CLI::Option* retake =
       command->add_flag("--retake", options->retake,

@@ -2,6 +2,7 @@
 
 #include <cstdlib>
 #include <iostream>
+#include <memory>
 #include <new>
 
 #include <CLI/CLI.hpp>
@@ -36,6 +37,18 @@ std::filesystem::path default_store() {
   const char* chosen = std::getenv("LIGHTSTAGE_STORE");
   return chosen != nullptr && *chosen != '\0' ? chosen : "store";
 }
+
+// As CLI11 writes help, but for what it puts in braces behind flags: the value that they stand for.
+class HelpFormatter : public CLI::Formatter {
+ public:
+  std::string make_option_name(const CLI::Option* option, bool is_positional) const override {
+    std::string names = CLI::Formatter::make_option_name(option, is_positional);
+    for (auto open = names.find('{'); open != std::string::npos; open = names.find('{')) {
+      names.erase(open, names.find('}', open) + 1 - open);
+    }
+    return names;
+  }
+};
 
 // The innermost subcommand that the user named.
 const CLI::App* named_command(const CLI::App& program) {
@@ -113,6 +126,7 @@ void run_or_throw(const std::vector<std::string>& arguments, std::ostream& out) 
   Context context(out);
   context.store_folder = default_store();
   CLI::App program("Captures, super-resolves and relights light-stage scans.", "lightstage");
+  program.formatter(std::make_shared<HelpFormatter>());
   program.footer("Start with:  lightstage demo --out demo");
   program.set_version_flag("--version", std::string("lightstage ") + core::kVersion);
   program.add_option("--store", context.store_folder, "Folder of the store [$LIGHTSTAGE_STORE, else ./store]");

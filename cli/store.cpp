@@ -23,12 +23,15 @@ void list(Context& context) {
   std::vector<std::vector<std::string>> rows{{"scan", "kind", "steps", "frames", "cameras", "made"}};
   for (const db::ScanSummary& scan : store.scan_summaries()) {
     const std::string kind(db::to_string(scan.kind));
-    rows.push_back({scan.name, kind, std::to_string(scan.steps), std::to_string(scan.frames),
+    const std::size_t whole = scan.steps * scan.cameras.size();
+    rows.push_back({scan.name, kind, std::to_string(scan.steps),
+                    std::to_string(scan.frames) + (scan.frames < whole ? " of " + std::to_string(whole) : ""),
                     std::to_string(scan.cameras.size()), scan.created_utc});
     array.push_back({{"name", scan.name},
                      {"kind", kind},
                      {"steps", scan.steps},
                      {"frames", scan.frames},
+                     {"missing", whole - std::min(whole, scan.frames)},
                      {"cameras", scan.cameras},
                      {"created", scan.created_utc}});
   }

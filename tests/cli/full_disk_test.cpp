@@ -98,6 +98,8 @@ TEST_CASE("a disk that fills up in mid pass ends it between frames; with room ag
   const std::map<int, std::string> kept = objects(stage.store), expected = objects(reference);
   CHECK(kept.size() >= 8);
   CHECK(kept.size() < expected.size());
+  CHECK(run_program(stage.store, {"store", "ls", "--json"}).json()["scans"][0]["missing"] ==
+        expected.size() - kept.size());
   for (const auto& [step, object] : kept) CHECK(object == expected.at(step));
 
   const Outcome resumed = run_program(stage.store, {"capture", "--resume", "--name", "head", "--json"});

@@ -21,6 +21,8 @@ TEST_CASE("every command has help with an example, on stdout, and succeeds") {
     CHECK(help.out.find("lightstage " + command) != std::string::npos);
   }
   CHECK(run_program(folder / "store", {"--help"}).out.find("relight") != std::string::npos);
+  // Without what CLI11 would put behind flags: {false}.
+  CHECK(run_program(folder / "store", {"capture", "--help"}).out.find(",--no-light-check\n") != std::string::npos);
   CHECK_FALSE(std::filesystem::exists(folder / "store"));
 }
 
