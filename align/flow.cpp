@@ -44,7 +44,7 @@ cv::Mat_<uchar> rounded(const cv::Mat_<float>& picture) {
 }
 
 cv::Ptr<cv::DISOpticalFlow> dense_inverse_search(FlowPreset preset, cv::Size size) {
-  const cv::Ptr<cv::DISOpticalFlow> dis =
+  cv::Ptr<cv::DISOpticalFlow> dis =
       cv::DISOpticalFlow::create(preset == FlowPreset::kDisUltrafast ? cv::DISOpticalFlow::PRESET_ULTRAFAST
                                  : preset == FlowPreset::kDisFast    ? cv::DISOpticalFlow::PRESET_FAST
                                                                      : cv::DISOpticalFlow::PRESET_MEDIUM);

@@ -41,7 +41,7 @@ std::string list(const Values& values, Text text) {
 
 // A text that must say something: an empty one is a field that was forgotten.
 std::string filled_in(const core::TomlTable& table, std::string_view key) {
-  const std::string text = table.string(key);
+  std::string text = table.string(key);
   if (text.empty()) table.fail(key, "must not be empty");
   return text;
 }
@@ -178,7 +178,7 @@ std::string read_pixel_format(const core::TomlTable& table, const std::string& d
 
 std::vector<double> read_linearisation(const core::TomlTable& table, const std::vector<double>& default_value) {
   if (!table.has("linearisation")) return default_value;
-  const std::vector<double> coefficients = table.numbers("linearisation");
+  std::vector<double> coefficients = table.numbers("linearisation");
   if (coefficients.empty() || coefficients.size() > kMostCoefficients) {
     table.fail("linearisation", "must have 1 to " + std::to_string(kMostCoefficients) + " coefficients");
   }

@@ -64,7 +64,7 @@ bool offers(const V4l2Size& size, int width, int height) {
 }
 
 std::string text(const V4l2Size& size) {
-  const std::string smallest = std::to_string(size.width) + "x" + std::to_string(size.height);
+  std::string smallest = std::to_string(size.width) + "x" + std::to_string(size.height);
   if (size.largest_width <= size.width && size.largest_height <= size.height) return smallest;
   return smallest + " to " + std::to_string(size.largest_width) + "x" + std::to_string(size.largest_height);
 }

@@ -94,7 +94,7 @@ core::Vec3 vector(const core::TomlTable& table, std::string_view key) {
 }
 
 std::string name(const core::TomlTable& table) {
-  const std::string text = table.string("name");
+  std::string text = table.string("name");
   if (!valid_stage_name(text)) table.fail("name", "must be made of letters, digits, '-', '_' and '.'");
   return text;
 }

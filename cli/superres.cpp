@@ -61,7 +61,7 @@ std::uintmax_t bytes_of_frames(const db::Store& store, db::Id scan_id) {
 // The pack that the scan has, if it is sound and what is asked for.
 std::optional<PackInfo> sound_pack(const db::Store& store, const db::LoadedScan& scan, db::Id scan_id, double error) {
   try {
-    const auto pack = find_pack(store, scan_id);
+    auto pack = find_pack(store, scan_id);
     if (!pack || pack->asked_error != error) return std::nullopt;
     load_pack(store, scan, scan_id);
     return pack;

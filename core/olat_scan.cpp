@@ -128,7 +128,7 @@ OlatScan::ImageCache::ImagePointer OlatScan::ImageCache::image(std::size_t index
   }
   // The lock is not held here, so other images load at the same time.
   try {
-    const ImagePointer loaded = load(index);
+    ImagePointer loaded = load(index);
     {
       const std::lock_guard lock(mutex_);
       slots_[index].loading.reset();

@@ -233,7 +233,7 @@ core::Image without_unseen(const Store& store, core::Image mask, const std::opti
   if (!alignment) return mask;
   for (const ProductImage& image : alignment->images) {
     if (image.role != "seen") continue;
-    const core::Image seen = store.object(image.object);
+    core::Image seen = store.object(image.object);
     const auto values = seen.values();
     if (std::all_of(values.begin(), values.end(), [](float v) { return v > 0; })) return mask;
     if (mask.empty()) return seen;

@@ -74,7 +74,7 @@ void refuse_existing(const fs::path& out, const std::optional<fs::path>& resume)
 
 // The state beside a checkpoint that is to be resumed.
 fs::path state_to_resume(const fs::path& checkpoint) {
-  const fs::path state = state_path(checkpoint);
+  fs::path state = state_path(checkpoint);
   if (fs::exists(state)) return state;
   throw core::BadInput(checkpoint.string() + ": there is no " + state.filename().string() +
                        " beside it to resume from; a run is resumed from the file it was told to write, not from its "

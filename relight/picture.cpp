@@ -21,7 +21,7 @@ WrittenPicture write_picture(const std::filesystem::path& path, core::ImageView 
     throw core::UsageError("'" + path.string() +
                            "': pictures are written as .exr (with a .png beside it); end the name in .exr");
   if (!std::isfinite(stops)) throw core::UsageError("an exposure must be a finite number of stops");
-  const WrittenPicture written = picture_files(path);
+  WrittenPicture written = picture_files(path);
   const core::Image shown = core::expose(linear, stops);
   core::replace_file_atomically(written.exr, [&](const std::filesystem::path& temporary) {
     core::write_image(temporary, linear);

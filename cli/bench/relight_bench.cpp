@@ -77,7 +77,7 @@ Environment smooth_noise(int degree) {
 }
 
 Environment blurred(const Environment& map, double sigma_degrees) {
-  const Environment small = map.resized(256, 128);
+  Environment small = map.resized(256, 128);
   if (sigma_degrees == 0) return small;
   const std::vector<double> weights = relight::blur_weights(core::radians_from_degrees(sigma_degrees));
   return Environment(relight::filtered(small.radiance(), weights));

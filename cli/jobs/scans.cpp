@@ -35,7 +35,7 @@ std::filesystem::path weights_file(const db::Product& weights) {
 
 std::optional<std::filesystem::path> file_or_shipped_model(const std::string& file_or_name) {
   if (std::filesystem::is_regular_file(file_or_name)) return file_or_name;
-  const std::filesystem::path shipped = model::shipped_blend();
+  std::filesystem::path shipped = model::shipped_blend();
   if (!shipped.empty() && file_or_name == shipped.stem()) return shipped;
   return std::nullopt;
 }
@@ -45,7 +45,7 @@ std::filesystem::path find_model(const db::Store& store, const std::string& file
   const std::vector<db::Product> models = store.products("weights");
   std::vector<std::string> names{model::shipped_blend().stem().string()};
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
-    const std::filesystem::path file = weights_file(*model);
+    std::filesystem::path file = weights_file(*model);
     names.push_back(file.stem().string());
     if (names.back() != file_or_name) continue;
     if (std::filesystem::is_regular_file(file)) return file;
@@ -87,7 +87,7 @@ std::optional<std::filesystem::path> newest_model(const db::Store& store, db::Id
   for (auto model = models.rbegin(); model != models.rend(); ++model) {
     const std::vector<db::Id>& scans = model->input_scans;
     if (std::find(scans.begin(), scans.end(), scan_id) == scans.end()) continue;
-    const std::filesystem::path file = weights_file(*model);
+    std::filesystem::path file = weights_file(*model);
     if (!seen.insert(file).second || !std::filesystem::is_regular_file(file)) continue;
     if (!filter.adapted && file.parent_path() == adapted) continue;
     std::string problem;

@@ -33,7 +33,7 @@ model::TrainReport train_on_scans(db::Store& store, const std::vector<std::strin
       if (input) product.input_products.push_back(*input);
     }
   }
-  const model::TrainReport report = model::train(loaded_scans, options, out);
+  model::TrainReport report = model::train(loaded_scans, options, out);
 
   const std::filesystem::path file = std::filesystem::canonical(out);
   product.parameters = json_text({{"file", file.string()},

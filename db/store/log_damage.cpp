@@ -313,7 +313,7 @@ std::optional<Damage> lasting_damage(const fs::path& store_folder) {
 }
 
 fs::path keep_copy(const fs::path& log) {
-  const fs::path copy = numbered(log, kDamagedSuffix);
+  fs::path copy = numbered(log, kDamagedSuffix);
   core::replace_file_atomically(copy, [&](const fs::path& temporary) {
     std::error_code error;
     fs::copy_file(log, temporary, fs::copy_options::overwrite_existing, error);

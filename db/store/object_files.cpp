@@ -70,7 +70,8 @@ auto ObjectFiles::placing(const Work& work) const {
 
 // Where the object goes, its folder made.
 fs::path ObjectFiles::place_for(const ContentHash& hash) const {
-  const fs::path target = path(hash), parent = target.parent_path();
+  fs::path target = path(hash);
+  const fs::path parent = target.parent_path();
   // That folder alone: where `objects` is gone the store was moved, and making it again would cut the store in two.
   if (::mkdir(parent.c_str(), 0777) != 0 && errno != EEXIST) {
     if (errno == ENOENT) {

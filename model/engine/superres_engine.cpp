@@ -63,7 +63,7 @@ SuperresEngine::SuperresEngine(const SuperresWeights& weights, core::ImageSize s
 
 EncodingCache::Pointer SuperresEngine::encoding(std::size_t light) const {
   if (EncodingCache::Pointer found = cache_.find(light)) return found;
-  const auto made = std::make_shared<const Encoding>(encoder_.encode(load_(light), lights_[light], options_.storage));
+  auto made = std::make_shared<const Encoding>(encoder_.encode(load_(light), lights_[light], options_.storage));
   cache_.keep(light, made);
   return made;
 }

@@ -95,7 +95,7 @@ TEST_CASE("a ball is detected in the mean of the pictures, or in one that shows 
   const test::Outcome detected = lights.run({"--circles", lights.folder / "none.toml", "--detect"});
   INFO(detected.err);
   REQUIRE(detected.status == 0);
-  for (const auto& light : detected.json().at("lights")) CHECK(lights.error_degrees(light) < 0.4);
+  for (const auto all = detected.json().at("lights"); const auto& light : all) CHECK(lights.error_degrees(light) < 0.4);
 
   core::write_image(lights.folder / "mask.png", ball_under({0, 0, 1}, 0, true));
   std::ofstream(lights.folder / "mask.toml") << "encoding = \"linear\"\n[[ball]]\noutline = \"mask.png\"\n";
@@ -103,7 +103,7 @@ TEST_CASE("a ball is detected in the mean of the pictures, or in one that shows 
   INFO(masked.err);
   REQUIRE(masked.status == 0);
   REQUIRE(masked.json().at("lights").size() == 11);
-  for (const auto& light : masked.json().at("lights")) CHECK(lights.error_degrees(light) < 0.4);
+  for (const auto all = masked.json().at("lights"); const auto& light : all) CHECK(lights.error_degrees(light) < 0.4);
 }
 
 TEST_CASE("lights that cannot be placed are named with the reason") {
@@ -174,7 +174,7 @@ TEST_CASE("two balls seen by known cameras give the lights' positions") {
   INFO(outcome.err);
   REQUIRE(outcome.status == 0);
   CHECK(outcome.json().at("rms_px") < 0.02);
-  for (const auto& light : outcome.json().at("lights")) {
+  for (const auto all = outcome.json().at("lights"); const auto& light : all) {
     INFO(light.dump());
     REQUIRE(light.at("used") == true);
     const auto& p = light.at("position");

@@ -19,7 +19,7 @@ TEST_CASE("a TorchScript metric is reported under its file's name beside the oth
                                               "rbf,nearest", "--metric-model", darkroom / "squares.pt", "--json"});
   INFO(outcome.err);
   REQUIRE(outcome.status == 0);
-  for (const auto& method : outcome.json()["methods"]) {
+  for (const auto all = outcome.json()["methods"]; const auto& method : all) {
     // This scan's mask is everything, so that the mean of squares is that of rmse.
     CHECK(method["metric_model"]["squares"].get<double>() ==
           Approx(std::pow(method["rmse"].get<double>(), 2)).epsilon(1e-4));

@@ -84,7 +84,8 @@ TEST_CASE("an explanation tells what would be synthesised and writes nothing", "
   CHECK(plan.at("lights").at(0).at("nearest_captured").size() == 8);
   CHECK(plan.at("expected_seconds").get<double>() > 0);
   CHECK(plan.at("expected_error").get<double>() <= 0.001);
-  for (const nlohmann::json& product : studio.run({"store", "show", "ball", "--json"}).json().at("products"))
+  for (const auto all = studio.run({"store", "show", "ball", "--json"}).json().at("products");
+       const nlohmann::json& product : all)
     CHECK(product.at("kind") != "picture");
 }
 
