@@ -75,7 +75,9 @@ struct Fixture {
 class Victim {
  public:
   Victim(std::string test_case, const fs::path& folder) {
-    std::string program = "/proc/self/exe", variable = "LIGHTSTAGE_TEST_VICTIM=" + folder.string();
+    // Not /proc/self/exe, which under Valgrind is its own program.
+    std::string program = fs::read_symlink("/proc/self/exe").string(),
+                variable = "LIGHTSTAGE_TEST_VICTIM=" + folder.string();
     std::array<char*, 3> arguments{program.data(), test_case.data(), nullptr};
     std::array<char*, 2> environment{variable.data(), nullptr};
     posix_spawn_file_actions_t quiet;

@@ -18,7 +18,7 @@ SmallDisk::SmallDisk(const fs::path& folder, std::size_t megabytes) : folder_(fo
   const std::string size = "size=" + std::to_string(megabytes) + "m";
   // In a mount namespace of its own, whose mounts no other process sees.
   const bool mounted = ::unshare(CLONE_NEWNS) == 0 &&
-                       ::mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+                       ::mount("none", "/", "none", MS_REC | MS_PRIVATE, nullptr) == 0 &&
                        ::mount("tmpfs", folder.c_str(), "tmpfs", 0, size.c_str()) == 0;
   if (!mounted) problem_ = std::string("cannot mount a small disk: ") + std::strerror(errno);
 }
