@@ -173,8 +173,11 @@ fs::path keep(const Options& options, const fuzz::Target& target, const std::str
                            std::size_t last, double end) {
   // A picture that claims more than it holds must not be given the machine's memory.
   constexpr rlim_t kMostMemory = rlim_t(4) << 30;
-  const rlimit memory{kMostMemory, kMostMemory}, core{0, 0};
+  [[maybe_unused]] const rlimit memory{kMostMemory, kMostMemory};
+  const rlimit core{0, 0};
+#ifndef __SANITIZE_ADDRESS__  // which maps terabytes for its notes
   setrlimit(RLIMIT_AS, &memory);
+#endif
   setrlimit(RLIMIT_CORE, &core);
   constexpr unsigned kLongestRun = 20;  // seconds
   constexpr double kSlow = 3;
