@@ -462,8 +462,10 @@ void* realloc(void* memory, size_t size) {
 }  // extern "C"
 
 void* operator new(std::size_t size) {
-  if (Fault* instance = ready; instance != nullptr && instance->allocation_fails()) throw std::bad_alloc();
-  if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  if (Fault* instance = ready; instance == nullptr || !instance->allocation_fails()) {
+    if (void* memory = std::malloc(size == 0 ? 1 : size)) return memory;
+  }
+  if (const std::new_handler handler = std::get_new_handler()) handler();
   throw std::bad_alloc();
 }
 void* operator new[](std::size_t size) {
