@@ -97,7 +97,7 @@ TEST_CASE("a ball is detected in the mean of the pictures, or in one that shows 
   REQUIRE(detected.status == 0);
   for (const auto all = detected.json().at("lights"); const auto& light : all) CHECK(lights.error_degrees(light) < 0.4);
 
-  core::write_image(lights.folder / "mask.png", ball_under({0, 0, 1}, 0, true));
+  core::write_image(lights.folder / "mask.png", ball_under({0, 0, 1}, 0, true), {.encoding = core::Encoding::kLinear});
   std::ofstream(lights.folder / "mask.toml") << "encoding = \"linear\"\n[[ball]]\noutline = \"mask.png\"\n";
   const test::Outcome masked = lights.run({"--circles", lights.folder / "mask.toml"});
   INFO(masked.err);

@@ -154,6 +154,14 @@ TEST_CASE("a dry run leaves out what must not be tried") {
   const Outcome outcome = stage.capture({"--dry-run", "--json"});
   INFO(outcome.err);
   REQUIRE(outcome.status == 0);
-  for (const auto all = outcome.json()["modes"]; const auto& mode : all) CHECK(mode["safe"] == true);
+  const nlohmann::json modes = outcome.json()["modes"];
+  INFO(modes.dump());
+  REQUIRE(modes.size() == 3);
+  CHECK(modes[0]["safe"] == true);
+  // As fast as that its tracking frames would flash; the sequence is not tried in it.
+  CHECK(modes[1]["timing"] == "pipelined");
+  CHECK_THAT(modes[1]["problem"].get<std::string>(), Contains("would flash 4 times within a second"));
+  CHECK_FALSE(modes[1].contains("frames"));
+  CHECK(modes[2]["safe"] == true);
   CHECK(stage.capture({"--dry-run", "--sequence", stage.write(strobe(8, 50))}).status == 2);
 }
